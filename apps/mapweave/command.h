@@ -45,6 +45,7 @@ Action set_up_inspect(CLI::App&);
 Action set_up_export(CLI::App&);
 Action set_up_evaluate(CLI::App&);
 Action set_up_explain(CLI::App&);
+Action set_up_report(CLI::App&);
 Action set_up_plan(CLI::App&);
 Action set_up_profile(CLI::App&);
 Action set_up_timeline(CLI::App&);

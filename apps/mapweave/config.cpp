@@ -1,7 +1,11 @@
 // mapweave config: what a configuration comes to, whether it holds, and every option there is.
 
+#include "command_line.h"
 #include "configuration.h"
+#include "misplaced_input.h"
 
+#include <mapweave/core/error.h>
+#include <mapweave/core/option_search.h>
 #include <mapweave/simulation/world_options.h>
 
 #include <cstdio>
@@ -9,10 +13,31 @@
 #include <memory>
 
 namespace mapweave::app {
+namespace {
+
+// All options, or those that are about `words`, with the values of `file` where one is given.
+template <class Options>
+ExitCode print_reference(Options options, const std::string& file, const std::vector<std::string>& words,
+                         const std::string& title) {
+  if (!file.empty()) load(options, {{file}, {}, {}});
+  if (words.empty()) {
+    std::cout << reference_page(options, title);
+    return ExitCode::done;
+  }
+  const std::string found = found_options(options, words);
+  if (found.empty())
+    throw Error(ErrorCode::kUsage, "no option speaks of that", "--find " + words.front(),
+                "try a part of the word, or one word alone; mapweave config reference lists all options");
+  std::cout << found;
+  return ExitCode::done;
+}
+
+}  // namespace
 
 Action set_up_config(CLI::App& verb) {
   struct Arguments {
     std::string file, of = "run";
+    std::vector<std::string> words;
     WritingFlags flags;  // only --set is offered
   };
   const auto arguments = std::make_shared<Arguments>();
@@ -28,24 +53,29 @@ Action set_up_config(CLI::App& verb) {
         ->allow_extra_args(false);
   CLI::App* reference = verb.add_subcommand("reference", "every option with its default, meaning and range");
   reference->add_option("--of", arguments->of, "a run's options, or a simulated world's")
-      ->check(CLI::IsMember({"run", "world"}))
+      ->check(one_of({"run", "world"}))
       ->capture_default_str();
   reference->add_option("FILE", arguments->file,
                         "a configuration whose values stand in the page; without it: the defaults");
 
+  reference
+      ->add_option(
+          "--find", arguments->words,
+          "only the options that have this word in their key or meaning; repeatable: those that have all words")
+      ->type_name("WORD")
+      ->allow_extra_args(false);
+  show_examples(*show, {"mapweave config show office.yaml --set laser.engine=icp"});
+  show_examples(*check, {"mapweave config check office.yaml"});
+  show_examples(*reference, {"mapweave config reference", "mapweave config reference --find resolution"});
+
   return [=] {
-    if (reference->parsed() && arguments->of == "world") {
-      simulation::WorldOptions world;
-      if (!arguments->file.empty()) load(world, {{arguments->file}, {}, {}});
-      std::cout << reference_page(world, "A simulated world: all options and their defaults (mapweave simulate)");
-      return ExitCode::done;
-    }
-    if (reference->parsed()) {
-      runtime::RunConfiguration configuration;
-      if (!arguments->file.empty()) load(configuration, {{arguments->file}, {}, {}});
-      std::cout << reference_page(configuration, "A run: all options and their defaults (mapweave run, slam, merge)");
-      return ExitCode::done;
-    }
+    if (reference->parsed() && arguments->of == "world")
+      return print_reference(simulation::WorldOptions(), arguments->file, arguments->words,
+                             "A simulated world: all options and their defaults (mapweave simulate)");
+    if (reference->parsed())
+      return print_reference(runtime::RunConfiguration(), arguments->file, arguments->words,
+                             "A run: all options and their defaults (mapweave run, slam, merge)");
+    expect_configuration(arguments->file);
     const LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
     if (show->parsed()) {
       std::cout << to_yaml(loaded.configuration);
@@ -54,7 +84,10 @@ Action set_up_config(CLI::App& verb) {
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     std::printf("%s is fine\n", arguments->file.c_str());
     for (const runtime::PlannedRobot& robot : plan.robots)
-      std::printf("robot %s on edge %s: %s\n", robot.id.str().c_str(), robot.edge.str().c_str(), robot.log.c_str());
+      std::printf(
+          "robot %s%s: %s\n", robot.id.str().c_str(),
+          robot.edge.empty() ? ", its edge as the coordinator chooses" : (" on edge " + robot.edge.str()).c_str(),
+          robot.log.c_str());
     return ExitCode::done;
   };
 }

@@ -1,6 +1,7 @@
 #include "configuration.h"
 
 #include <mapweave/core/renamed_options.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/simulation/world_options.h>
 
 #include <nlohmann/json.hpp>
@@ -23,6 +24,7 @@ LoadedConfiguration load_configuration(const std::filesystem::path& file, std::v
   loaded.origins = load(loaded.configuration, sources);
   runtime::complete_starts(loaded.configuration, loaded.origins);
   runtime::read_vocabulary(loaded.configuration, loaded.origins);
+  loaded.configuration.fusion.laser_cameras = loaded.configuration.laser_cameras;  // teams weigh cameras as robots do
   return loaded;
 }
 
@@ -49,7 +51,7 @@ std::vector<std::pair<std::string, std::string>> environment_for(const OptionFie
 
 ExitCode report_result(const runtime::Report& report, const std::filesystem::path& out, bool json) {
   if (json)
-    std::cout << runtime::summary_json(report).dump(2) << '\n';
+    std::cout << runtime::json_text(runtime::summary_json(report)) << '\n';
   else
     std::cout << runtime::in_words(report, out.string());
   return report.exit_code();

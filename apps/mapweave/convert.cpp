@@ -1,10 +1,12 @@
 // mapweave convert: any recording becomes an MRPT rawlog.
 
 #include "configuration.h"
+#include "misplaced_input.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/options.h>
 #include <mapweave/rawlog/convert.h>
+#include <mapweave/runtime/json_text.h>
 
 #include <nlohmann/json.hpp>
 
@@ -39,7 +41,7 @@ ExitCode convert(const Arguments& arguments) {
   const auto progress = make_terminal_progress();
   const std::uint64_t count = rawlog::convert_log(arguments.log, arguments.out, *progress, settings.reading);
   if (arguments.json)
-    std::cout << nlohmann::ordered_json{{"log", arguments.out.string()}, {"observations", count}}.dump(2) << '\n';
+    std::cout << runtime::json_text({{"log", arguments.out.string()}, {"observations", count}}) << '\n';
   else
     std::printf("%s: %llu observations\n", arguments.out.c_str(), static_cast<unsigned long long>(count));
   return ExitCode::done;
@@ -59,7 +61,10 @@ Action set_up_convert(CLI::App& verb) {
       ->allow_extra_args(false);
   verb.add_flag("--force", arguments->force, "replace an old file");
   verb.add_flag("--json", arguments->json, "print JSON");
-  return [arguments] { return convert(*arguments); };
+  return [arguments] {
+    expect_log(arguments->log, "convert");
+    return convert(*arguments);
+  };
 }
 
 }  // namespace mapweave::app

@@ -1,6 +1,8 @@
 // mapweave explain: why two maps were merged or stayed apart.
 
 #include "command.h"
+#include "command_line.h"
+#include "output_file.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
@@ -21,9 +23,9 @@ Action set_up_explain(CLI::App& verb) {
   verb.add_option("DIR", arguments->results, "folder of results of run or merge")->required()->type_name("DIR");
   verb.add_option("A", arguments->a, "a robot's map, as merges.json names it")->required()->type_name("A");
   verb.add_option("B", arguments->b, "another one")->required()->type_name("B");
-  verb.add_option("--out", arguments->out, "the picture; without it DIR/explain-A-B.png")->type_name("FILE.png");
+  verb.add_option("-o,--out", arguments->out, "the picture; without it DIR/explain-A-B.png")->type_name("FILE.png");
   verb.add_option("--threads", arguments->threads, "threads to use; 0: one per processor")
-      ->check(CLI::Range(0, 1024))
+      ->check(whole_number(0, 1024))
       ->type_name("N");
   return [arguments] {
     WritingFlags flags;
@@ -38,7 +40,7 @@ Action set_up_explain(CLI::App& verb) {
     const std::filesystem::path picture =
         arguments->out.empty() ? arguments->results / ("explain-" + explanation.a + "-" + explanation.b + ".png")
                                : arguments->out;
-    write_file(picture, explanation.png);
+    write_output({picture, {}, ".png"}, explanation.png);
     std::cout << "picture: " << picture.string() << '\n';
     return ExitCode::done;
   };

@@ -1,62 +1,156 @@
 // mapweave export: a map -> pictures, grids, clouds, trajectories.
 
 #include "configuration.h"
+#include "export_request.h"
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
-#include <mapweave/exporters/map_folder.h>
+#include <mapweave/core/log.h>
+#include <mapweave/exporters/trajectory_files.h>
 #include <mapweave/fusion/compose_grid.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/map_names.h>
+#include <mapweave/runtime/stored_depth.h>
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <set>
 
 namespace mapweave::app {
 namespace {
 
 struct Arguments {
   std::filesystem::path map;
+  std::string robot;
+  std::vector<std::string> logs;
   exporters::MapFolderFiles files{false, false, false, false, false, false};
+  bool ply = false, octomap = false;
   WritingFlags flags;
 };
 
-ExitCode export_map(Arguments arguments) {
-  auto& files = arguments.files;
-  if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o))
-    files.png = files.pgm = files.pcd = files.tum = true;
+// One map of what is exported, and what is to be written of it.
+struct Exported {
+  Map map;
+  ExportRequest request;
+  OccupancyGrid grid;         // composed, where it is asked for
+  MapIdentity identity = {};  // of the whole map
+};
+
+// Poses of optical frames at keyframes, by the name of their file.
+std::map<std::string, std::vector<StampedPose>> optical_trajectories(const Map& map) {
+  std::map<ClientId, std::vector<StampedPose>> cameras;
+  std::map<RobotId, std::set<SensorId>> cameras_of;
+  for (const auto& [id, node] : map.nodes)
+    if (const KeyframeFeatures* keyframe = keyframe_of(node)) {
+      cameras[id.session.client].push_back(
+          {node.stamp, compose(node.map_from_node, keyframe->geometry->robot_from_camera)});
+      cameras_of[id.session.client.robot].insert(id.session.client.sensor);
+    }
+  std::map<std::string, std::vector<StampedPose>> files;
+  for (auto& [camera, poses] : cameras) {
+    const std::string robot = camera.robot.str();
+    if (cameras.size() == 1)
+      files["trajectory.optical.tum"] = std::move(poses);
+    else if (cameras_of[camera.robot].size() == 1)
+      files["trajectories/optical/" + robot + ".tum"] = std::move(poses);
+    else
+      files["trajectories/optical/" + robot + "." + camera.sensor.str() + ".tum"] = std::move(poses);
+  }
+  return files;
+}
+
+std::vector<std::string> write(const std::filesystem::path& folder, const Exported& exported,
+                               const runtime::RunConfiguration& configuration) {
+  exporters::MapFolderOptions options = runtime::folder_options(configuration.output, "map " + exported.map.id.str());
+  options.files = exported.request.files;
+  options.identity = exported.identity;
+  std::vector<std::string> written;
+  for (const auto& file : exporters::write_map_folder(folder, exported.map, exported.grid, options))
+    written.push_back(file.string());
+  if (exported.request.files.tum)
+    for (const auto& [name, poses] : optical_trajectories(exported.map)) {
+      std::filesystem::create_directories((folder / name).parent_path());
+      write_file(folder / name, exporters::tum_text(poses));
+      written.push_back(name);
+    }
+  if (!exported.request.wants_depth()) return written;
+  runtime::RunConfiguration depth = configuration;
+  depth.output.ply = exported.request.ply;
+  depth.output.octomap = exported.request.octomap;
+  for (const std::string& note :
+       runtime::write_stored_depth(folder, exported.map, exported.request.logs, depth, *make_terminal_progress()))
+    log(LogLevel::warning, "map " + exported.map.id.str() + ": " + note);
+  if (exported.request.ply) written.insert(written.end(), {"map.ply", "map.dense.pcd"});
+  if (exported.request.octomap) written.insert(written.end(), {"map.bt", "map.ot"});
+  return written;
+}
+
+// All that can fail for want of something in the maps.
+std::vector<Exported> prepared(const Arguments& arguments, const std::vector<Map>& maps,
+                               const std::filesystem::path& file, const runtime::RunConfiguration& configuration) {
+  std::vector<Exported> result;
+  WorkerPool pool(threads_of(arguments.flags));
+  const auto holds_robot = [&](const Map& map) {
+    const std::vector<RobotId> robots = map.robots();
+    return std::any_of(robots.begin(), robots.end(), [&](const RobotId& id) { return id.str() == arguments.robot; });
+  };
+  const bool is_found = std::any_of(maps.begin(), maps.end(), holds_robot);
+  for (const Map& whole : maps) {
+    if (!arguments.robot.empty() && is_found && !holds_robot(whole)) continue;
+    Exported one{arguments.robot.empty() ? whole : part_of_robot(whole, arguments.robot), {}, {}};
+    ExportRequest request = request_of(arguments.files, arguments.ply, arguments.octomap, configuration.output);
+    if (request.wants_depth()) {
+      request.logs = given_logs(arguments.logs, runtime::robots_with_depth(one.map));
+      request.logs.merge(runtime::logs_of_results(file));
+    }
+    one.request = possible(request, one.map);
+    const exporters::MapFolderFiles& files = one.request.files;
+    if ((files.png || files.pgm) && has_walls(one.map))
+      one.grid = fusion::compose_grid(one.map, configuration.compose, pool);
+    if (one.grid.empty() && (files.pgm || (files.png && one.map.landmarks.empty())) && one.request.is_explicit)
+      throw Error(ErrorCode::kBadInput, "map '" + one.map.id.str() + "' cannot be drawn: its scans saw nothing",
+                  files.pgm ? "--pgm" : "--png", "leave the flag out");
+    result.push_back(std::move(one));
+  }
+  return result;
+}
+
+ExitCode export_map(const Arguments& arguments) {
   runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
   const runtime::MapInput input = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
 
   expect_outside(arguments.flags.out, {arguments.map});
   OutputFolder folder(arguments.flags.out, arguments.flags.force);
-  WorkerPool pool(threads_of(arguments.flags));
+  std::vector<Exported> all = prepared(arguments, input.maps, input.files.front(), configuration);
+  if (all.size() == 1 && arguments.robot.empty()) all.front().identity = input.identity;
   std::vector<std::string> written;
-  for (const Map& map : input.maps) {
-    exporters::MapFolderOptions options = runtime::folder_options(configuration.output, "map " + map.id.str());
-    options.files = files;
-    options.files.robot_trajectories = files.tum && map.robots().size() > 1;
-    const std::filesystem::path below = input.maps.size() == 1 ? "" : map.id.str();
-    for (const auto& file : exporters::write_map_folder(
-             folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
+  for (const Exported& one : all) {
+    const std::filesystem::path below = all.size() == 1 ? "" : one.map.id.str();
+    for (const std::string& file : write(folder.staging() / below, one, configuration))
       written.push_back((below / file).string());
   }
+  const ExportRequest asked = request_of(arguments.files, arguments.ply, arguments.octomap, configuration.output);
   auto& output = configuration.output;
-  output.png = files.png;
-  output.pgm = files.pgm;
-  output.pcd = files.pcd;
-  output.tum = files.tum;
-  output.g2o = files.g2o;
+  output.png = asked.files.png;
+  output.pgm = asked.files.pgm;
+  output.pcd = asked.files.pcd;
+  output.tum = asked.files.tum;
+  output.g2o = asked.files.g2o;
+  output.ply = asked.ply;
+  output.octomap = asked.octomap;
   write_file(folder.staging() / "config.yaml", to_yaml(configuration));
   std::vector<runtime::InputFile> read;
   for (const std::filesystem::path& file : input.files) read.push_back({file.string(), hash_of_file(file)});
   const auto manifest = runtime::manifest_json("export", configuration.seed, read, folder.staging());
-  write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
+  write_file(folder.staging() / "manifest.json", runtime::json_text(manifest) + "\n");
   folder.commit();
 
-  if (arguments.flags.json) std::printf("%s\n", nlohmann::ordered_json(written).dump(2).c_str());
+  if (arguments.flags.json) std::printf("%s\n", runtime::json_text(written).c_str());
   for (const std::string& file : written)
     if (!arguments.flags.json) std::printf("%s\n", (folder.goal() / file).c_str());
   return ExitCode::done;
@@ -67,15 +161,25 @@ ExitCode export_map(Arguments arguments) {
 Action set_up_export(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("MAP", arguments->map,
-                  "a map of mapweave (.mwdb), a live map server's journal (.mwj), or a map_server grid (.yaml); "
-                  "without one of the five flags "
-                  "below all but --g2o is written")
+                  "a map of mapweave (.mwdb), a folder that holds one, a live map server's journal (.mwj), or a "
+                  "map_server grid (.yaml); without one of the flags below what output.* switches on is written, as "
+                  "far as the map can give it")
       ->required();
-  verb.add_flag("--png", arguments->files.png, "map.png, and map.color.png with the robots' trajectories");
+  verb.add_flag("--png", arguments->files.png,
+                "map.png, and map.color.png with the robots' trajectories; of cameras alone the landmarks from above");
   verb.add_flag("--pgm", arguments->files.pgm, "map.pgm and map.yaml, as map_server and nav2 load them");
-  verb.add_flag("--pcd", arguments->files.pcd, "map.pcd, the points of the walls");
-  verb.add_flag("--tum", arguments->files.tum, "trajectory.tum, and one per robot where there are several");
-  verb.add_flag("--g2o", arguments->files.g2o, "map.g2o, the pose graph");
+  verb.add_flag("--pcd", arguments->files.pcd, "map.pcd, the points of the walls, and landmarks");
+  verb.add_flag("--tum", arguments->files.tum,
+                "trajectory.tum, of several robots trajectories/ROBOT.tum; of cameras their optical frames' as well");
+  verb.add_flag("--g2o", arguments->files.g2o, "map.g2o, the pose graph; of cameras with landmarks and sightings");
+  verb.add_flag("--ply", arguments->ply,
+                "map.ply and map.dense.pcd, the surfaces that depth cameras saw; needs the log");
+  verb.add_flag("--octomap", arguments->octomap, "map.bt and map.ot, OctoMaps of the same; needs the log");
+  verb.add_option("--log", arguments->logs,
+                  "where a robot's log is, for --ply and --octomap; without it: as config.yaml beside the map says")
+      ->type_name("[ROBOT=]PATH")
+      ->allow_extra_args(false);
+  verb.add_option("--robot", arguments->robot, "one robot of a team, in the team's frame")->type_name("NAME");
   add_writing_flags(verb, arguments->flags);
   return [arguments] { return export_map(*arguments); };
 }

@@ -1,7 +1,7 @@
-// mapweave inspect: what is in a log or a folder of pictures, a map store, a server's journal, a map_server grid or a
-// folder of results.
+// mapweave inspect: what is in a log or a folder of pictures, and in everything that the program writes.
 
 #include "command.h"
+#include "inspected_files.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
@@ -10,6 +10,7 @@
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/rawlog/contents.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/map_input.h>
 
 #include <nlohmann/json.hpp>
@@ -17,11 +18,14 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <sstream>
 
 namespace mapweave::app {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr const char* kDamage = "damage";  // why what the store lists cannot be read
 
 Json of_camera(const rawlog::RecordedCameraGeometry& camera) {
   Json shown = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
@@ -67,15 +71,17 @@ Json of_log(const std::filesystem::path& path) {
     if (sensor.camera) line["camera"] = of_camera(*sensor.camera);
     sensors.push_back(line);
   }
-  return {{"kind", "log"},
-          {"format", contents.format},
-          {"observations", contents.observations},
-          {"scans", contents.scans},
-          {"first", contents.first.seconds()},
-          {"last", contents.last.seconds()},
-          {"duration_s", contents.duration_s},
-          {"odometry_length_m", contents.odometry_length_m},
-          {"sensors", sensors}};
+  Json shown = {{"kind", "log"},
+                {"format", contents.format},
+                {"observations", contents.observations},
+                {"scans", contents.scans},
+                {"first", contents.first.seconds()},
+                {"last", contents.last.seconds()},
+                {"duration_s", contents.duration_s},
+                {"odometry_length_m", contents.odometry_length_m},
+                {"sensors", sensors}};
+  if (!contents.doubts.empty()) shown["doubts"] = contents.doubts;
+  return shown;
 }
 
 Json of_map(const mapdb::StoredMapSummary& map) {
@@ -103,17 +109,25 @@ Json of_map(const mapdb::StoredMapSummary& map) {
 
 Json of_store(const std::filesystem::path& path) {
   const mapdb::StoreSummary store = mapdb::summarize_store(path);
+  Json damage;
+  try {
+    mapdb::read_store(path);
+  } catch (const Error& error) {
+    damage = error.what();
+  }
   Json maps = Json::array();
   for (const mapdb::StoredMapSummary& map : store.maps) maps.push_back(of_map(map));
-  return {{"kind", "map store"},
-          {"schema", store.schema},
-          {"file_bytes", store.file_bytes},
-          {"maps", maps},
-          {"judgements", store.judgements},
-          {"verdicts", store.verdicts},
-          {"members", store.members},
-          {"metadata", store.metadata},
-          {"identity", to_hex(store.identity)}};
+  Json shown = {{"kind", "map store"},
+                {"schema", store.schema},
+                {"file_bytes", store.file_bytes},
+                {"maps", maps},
+                {"judgements", store.judgements},
+                {"verdicts", store.verdicts},
+                {"members", store.members},
+                {"metadata", store.metadata},
+                {"identity", to_hex(store.identity)}};
+  if (!damage.is_null()) shown[kDamage] = damage;
+  return shown;
 }
 
 Json of_journal(const std::filesystem::path& path) {
@@ -172,23 +186,82 @@ Json checked_files(const std::filesystem::path& folder, const Json& manifest) {
   return {{"unchanged", unchanged}, {"changed", changed}, {"missing", missing}};
 }
 
-Json of_results(const std::filesystem::path& folder) {
+Json of_manifest(const std::filesystem::path& folder) {
   const Json manifest = parsed_file(folder / "manifest.json");
-  Json result = {{"kind", "results"}};
+  Json result = {{"kind", "manifest of results"}};
   for (const char* key : {"verb", "versions", "seed", "inputs"})
     if (manifest.contains(key)) result[key] = manifest[key];
   result["files"] = checked_files(folder, manifest);
+  return result;
+}
+
+Json of_results(const std::filesystem::path& folder) {
+  Json result = of_manifest(folder);
+  result["kind"] = "results";
   if (std::filesystem::exists(folder / "summary.json")) result["summary"] = parsed_file(folder / "summary.json");
   if (std::filesystem::exists(folder / "merges.json")) result["merges"] = parsed_file(folder / "merges.json");
   return result;
 }
 
+// A file of results, or another one of the program.
+Json of_json(const std::filesystem::path& path) {
+  const std::string name = path.filename().string();
+  if (name == "manifest.json") return of_manifest(path.parent_path());
+  if (name == "summary.json") return {{"kind", "summary of results"}, {"summary", parsed_file(path)}};
+  if (name == "merges.json") return {{"kind", "pairs of maps"}, {"merges", parsed_file(path)}};
+  return {{"kind", "JSON"}, {"contents", parsed_file(path)}};
+}
+
+// "alpha: 225 scans of 59 s, edge north"
+std::string robot_line(const Json& robot) {
+  std::ostringstream line;
+  line << robot.value("id", "") << ": " << robot.value("scans", 0) << " scans";
+  std::uint64_t frames = 0;
+  for (const Json& camera : robot.value("cameras", Json::array())) frames += camera.value("frames", 0);
+  if (frames > 0) line << ", " << frames << " frames";
+  line << " of " << std::lround(robot.value("log_seconds", 0.0)) << " s";
+  if (robot.contains("edge")) line << ", edge " << robot.value("edge", "");
+  if (!robot.value("mapped", true)) line << ", no map";
+  if (robot.contains("trouble")) line << "; " << robot.value("trouble", "");
+  return line.str();
+}
+
+// Results for people: a line a pair, a line a robot, no tables of times.
+Json in_brief(Json contents) try {
+  if (contents.contains("merges") && contents["merges"].is_array()) {
+    Json lines = Json::array();
+    for (const Json& pair : contents["merges"]) {
+      const std::string tier = pair.value("tier", "");
+      lines.push_back((tier.empty() || tier == "cloud" ? "" : "edge " + tier + ": ") + pair.value("words", ""));
+    }
+    contents["merges"] = lines;
+  }
+  if (contents.contains("summary") && contents["summary"].is_object()) {
+    Json& summary = contents["summary"];
+    Json robots = Json::array();
+    for (const Json& robot : summary.value("robots", Json::array())) robots.push_back(robot_line(robot));
+    summary["robots"] = robots;
+    for (const char* key : {"stages", "timeline", "edges", "coordinator"}) summary.erase(key);
+  }
+  if (contents.contains("inputs") && contents["inputs"].is_array()) {
+    Json paths = Json::array();
+    for (const Json& input : contents["inputs"]) paths.push_back(input.is_object() ? input.value("path", "") : "");
+    contents["inputs"] = paths;
+  }
+  return contents;
+} catch (const Json::exception& error) {
+  throw Error(ErrorCode::kCorrupt, error.what(), {}, "make the results again, or look at them with --json");
+}
+
 Json contents_of(const std::filesystem::path& path) {
-  if (std::filesystem::exists(path / "manifest.json")) return of_results(path);
-  if (std::filesystem::exists(path / "map.mwdb"))
+  std::error_code ignored;
+  if (std::filesystem::exists(path / "manifest.json", ignored)) return of_results(path);
+  if (std::filesystem::exists(path / "map.mwdb", ignored))
     return of_store(path / "map.mwdb");  // a part of results: one map with its pictures
   if (path.extension() == ".mwdb") return of_store(path);
   if (path.extension() == ".mwj") return of_journal(path);
+  if (path.extension() == ".json") return of_json(path);
+  if (const auto contents = contents_of_file(path)) return *contents;
   if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
   return of_log(path);
 }
@@ -197,18 +270,21 @@ Json contents_of(const std::filesystem::path& path) {
 void print(const Json& value, const std::string& first, const std::string& indent) {
   std::string before = first;
   for (const auto& [key, item] : value.items()) {
-    const bool is_flat_list = item.is_array() && (item.empty() || !item.front().is_structured());
+    const bool is_flat_list =
+        item.is_array() && (item.empty() || !(item.front().is_structured() || item.front().is_string()));
     const bool is_nested = item.is_structured() && !item.empty() && !is_flat_list;
     if (value.is_array()) {
       if (is_nested)
         print(item, before + "- ", indent + "  ");
       else
-        std::cout << before << "- " << (item.is_string() ? item.get<std::string>() : item.dump()) << '\n';
+        std::cout << before << "- " << (item.is_string() ? item.get<std::string>() : runtime::json_text(item, -1))
+                  << '\n';
     } else if (is_nested) {
       std::cout << before << key << ":\n";
       print(item, indent + "  ", indent + "  ");
     } else {
-      std::cout << before << key << ": " << (item.is_string() ? item.get<std::string>() : item.dump()) << '\n';
+      std::cout << before << key << ": " << (item.is_string() ? item.get<std::string>() : runtime::json_text(item, -1))
+                << '\n';
     }
     before = indent;
   }
@@ -219,22 +295,23 @@ void print(const Json& value, const std::string& first, const std::string& inden
 Action set_up_inspect(CLI::App& verb) {
   struct Arguments {
     std::filesystem::path path;
-    bool json = false;
+    bool json = false, all = false;
   };
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("PATH", arguments->path,
-                  "a log or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a map_server grid "
-                  "(.yaml) or a folder "
-                  "of results")
+                  "a log or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a folder of "
+                  "results, or any file in it: grids, configurations, trajectories, clouds, graphs, pictures, JSON")
       ->required();
-  verb.add_flag("--json", arguments->json, "print JSON");
+  verb.add_flag("--all", arguments->all, "all that is known of each pair and robot, instead of a line");
+  verb.add_flag("--json", arguments->json, "print JSON, with everything");
   return [arguments] {
     const Json contents = contents_of(arguments->path);
     if (arguments->json)
-      std::cout << contents.dump(2) << '\n';
+      std::cout << runtime::json_text(contents) << '\n';
     else
-      print(contents, "", "");
-    return ExitCode::done;
+      print(arguments->all ? contents : in_brief(contents), "", "");
+    if (!contents.contains(kDamage)) return ExitCode::done;
+    throw Error(ErrorCode::kCorrupt, "what is listed cannot be read: " + contents[kDamage].get<std::string>());
   };
 }
 

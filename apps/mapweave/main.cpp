@@ -1,6 +1,7 @@
 // mapweave: one map from what a team of robots recorded. This file knows the verbs and the exit codes, nothing else.
 
 #include "command.h"
+#include "command_line.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -11,6 +12,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <new>
 
@@ -25,22 +27,24 @@ const std::vector<Command> commands = {
      "mapweave merge maps/alpha/map.mwdb maps/beta/map.mwdb hall.yaml --out maps/team", set_up_merge},
     {"split", "one long log -> logs of several robots",
      "mapweave split intel.rawlog --robots 3 --overlap 20 --out logs", set_up_split},
-    {"convert", "CARMEN log, g2o or rawlog -> rawlog", "mapweave convert intel.clf.gz intel.rawlog", set_up_convert},
+    {"convert", "CARMEN log, g2o, folder of pictures or rawlog -> rawlog", "mapweave convert intel.clf.gz intel.rawlog",
+     set_up_convert},
     {"simulate", "a world file -> logs with known truth", "mapweave simulate world.yaml --out logs", set_up_simulate},
-    {"inspect", "what is in a log, a map or a folder of results", "mapweave inspect maps/office", set_up_inspect},
+    {"inspect", "what is in a log, a map, a folder of results, or any file of it", "mapweave inspect maps/office",
+     set_up_inspect},
     {"export", "a map -> pictures, grids, clouds, trajectories",
      "mapweave export maps/alpha/map.mwdb --out pictures --png --pcd", set_up_export},
     {"evaluate", "how good a trajectory or a grid is",
-     "mapweave evaluate relations --trajectory team/trajectory.tum --relations intel.relations --max "
-     "translation_mean_m=0.05",
-     set_up_evaluate},
+     "mapweave evaluate trajectory maps/alpha/trajectory.tum groundtruth.txt", set_up_evaluate},
     {"explain", "a folder of results, two robots -> why their maps were merged or stayed apart",
      "mapweave explain maps/office alpha beta", set_up_explain},
+    {"report", "a folder of results -> one page that shows it, for a browser",
+     "mapweave report maps/office --out office.html", set_up_report},
     {"plan", "robots, what their maps share, edges -> which robot to which edge",
      "mapweave plan problem.json --method default --json", set_up_plan},
     {"profile", "folders of results -> how long things take, for plan", "mapweave profile maps/office --out model.json",
      set_up_profile},
-    {"timeline", "a folder of results -> when all would be there over other wires",
+    {"timeline", "a folder of results -> when the map would be complete over other links",
      "mapweave timeline maps/office --set network.robot_edge.profile=4g --set processors.robot=0.12", set_up_timeline},
     {"vocabulary", "the words by which cameras know places: train them, look at them",
      "mapweave vocabulary train alpha.rawlog --out words.txt.gz", set_up_vocabulary},
@@ -48,9 +52,9 @@ const std::vector<Command> commands = {
 };
 
 // CLI11 would say of a misspelt verb only that a verb is missing.
-void expect_known_verb(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
+void expect_known_verb(const std::vector<std::string>& arguments) {
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& word = arguments[i];
     if (word == "--log-level") ++i;  // its value follows
     if (word.empty() || word.front() == '-') continue;
     std::vector<std::string> names;
@@ -62,32 +66,51 @@ void expect_known_verb(int argc, char** argv) {
   }
 }
 
+// What a variable of a script leaves that was not set. Options but --out may be empty: --robot "".
+void expect_no_empty_names(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i], before = argv[i - 1];
+    const bool is_of_option = i > 1 && before.size() > 1 && before.front() == '-' && before != "--out";
+    if ((word.empty() && !is_of_option) || word == "--out=")
+      throw Error(ErrorCode::kUsage, "argument " + std::to_string(i) + " is an empty name",
+                  before == "--out" || word == "--out=" ? "--out" : "", "name a file or a folder");
+  }
+}
+
 ExitCode run_program(int argc, char** argv) {
-  expect_known_verb(argc, argv);
+  std::vector<std::string> arguments = with_help_as_flag({argv + 1, argv + argc});
+  expect_known_verb(arguments);
+  expect_no_empty_names(argc, argv);
   CLI::App program("mapweave: one map from what a team of robots recorded.", "mapweave");
-  program.set_version_flag("--version", "mapweave " + runtime::program_version());
+  program.formatter(help_formatter());
+  program.set_version_flag("-v,--version", "mapweave " + runtime::program_version());
   std::string log_level = "info";
   program
       .add_option("--log-level", log_level,
-                  "least important line that is shown on stderr: debug, info, warning or error")
+                  "least important line that is shown on stderr; warning and error show no progress")
+      ->check(one_of({"debug", "info", "warning", "error"}))
       ->capture_default_str();
   program.require_subcommand(1);
   program.fallthrough();
   program.footer(
-      "mapweave VERB --help says more and gives an example.\n"
+      "mapweave help VERB, or mapweave VERB --help, says more and gives an example.\n"
       "Exit codes: 0 done; 1 internal, or cannot write; 2 wrong command line; 3 bad or missing input; 4 done, but some "
       "maps\n"
       "stayed apart; 5 a requested gate failed; 130 interrupted, what was finished is saved.");
   std::vector<std::pair<CLI::App*, Action>> actions;
   for (const Command& command : commands) {
     CLI::App* verb = program.add_subcommand(command.name, command.summary);
-    verb->footer(std::string("Example:\n  ") + command.example);
+    verb->group("Verbs");
+    show_examples(*verb, {command.example});
     actions.emplace_back(verb, command.set_up(*verb));
   }
   try {
-    program.parse(argc, argv);
+    program.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+  } catch (const CLI::Success& asked) {  // help, or the version
+    program.exit(asked);
+    return ExitCode::done;
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? ExitCode::done : ExitCode::wrong_usage;
+    throw usage_error(program, error);
   }
   set_log_level(log_level_from_text(log_level));
   for (const auto& [verb, action] : actions)
@@ -114,6 +137,9 @@ int main(int argc, char** argv) {
   } catch (const mapweave::Error& error) {
     std::fprintf(stderr, "mapweave: %s\n", error.what());
     code = mapweave::exit_code(error.code());
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::fprintf(stderr, "mapweave: %s: %s; check the path\n", error.path1().c_str(), error.code().message().c_str());
+    code = ExitCode::bad_input;
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "mapweave: out of memory\n");
   } catch (const std::exception& error) {

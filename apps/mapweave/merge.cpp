@@ -13,17 +13,24 @@ Action set_up_merge(CLI::App& verb) {
   struct Arguments {
     std::vector<std::filesystem::path> maps;
     std::vector<std::string> without, refused, anchors;
+    std::string frame;
     bool forget = false;
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option(
           "MAPS", arguments->maps,
-          "map.mwdb files of mapweave, journals of live map servers (.mwj) and map_server grids (.yaml), mixed; each "
+          "the first one gives the frame; map.mwdb files of mapweave, journals of live map servers (.mwj) and "
+          "map_server grids (.yaml), mixed; each "
           "is named by its "
           "file's stem. A team's map.mwdb, or a folder of results, stands for the robots' own maps that it was made of")
       ->required()
       ->type_name("MAP.mwdb|MAP.mwj|MAP.yaml|DIR");
+  verb.add_option("--frame", arguments->frame,
+                  "the merged map's frame: a map's or robot's name; walls (axes along the walls); or three numbers in "
+                  "metres and radians, where the first map's frame lies in it. Without it: the first map's, so that "
+                  "what is merged into yesterday's map leaves it in place")
+      ->type_name("MAP|walls|x,y,yaw");
   verb.add_option("--without", arguments->without,
                   "leave this robot out: the result is what it would be without it; repeatable")
       ->type_name("ROBOT")
@@ -47,7 +54,9 @@ Action set_up_merge(CLI::App& verb) {
     for (const std::string& pair : arguments->refused)
       requests.refused.push_back(runtime::parse_pair(pair, "--refuse"));
     for (const std::string& anchor : arguments->anchors) requests.anchors.push_back(runtime::parse_anchor(anchor));
-    const LoadedConfiguration loaded = load_configuration({}, {}, arguments->flags);
+    std::vector<std::string> frame;
+    if (!arguments->frame.empty()) frame.push_back("team.frame=" + arguments->frame);
+    const LoadedConfiguration loaded = load_configuration({}, frame, arguments->flags);
     expect_outside(arguments->flags.out, arguments->maps);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();

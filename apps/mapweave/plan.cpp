@@ -2,9 +2,15 @@
 // with.
 
 #include "command.h"
+#include "command_line.h"
+#include "output_file.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
+#include <mapweave/report/plan_page.h>
+#include <mapweave/runtime/json_text.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/problem_of_run.h>
 #include <mapweave/scheduling/plan.h>
 #include <mapweave/scheduling/profile.h>
 
@@ -23,7 +29,7 @@ using Json = nlohmann::ordered_json;
 namespace scheduling = ::mapweave::scheduling;
 
 struct PlanArguments {
-  std::filesystem::path problem, model;
+  std::filesystem::path problem, model, page;
   std::string method = "default";
   scheduling::PlanOptions options;
   bool json = false;
@@ -61,6 +67,12 @@ void print(const Json& plan) {
     for (const Json& robot : group) line += " " + robot.get<std::string>();
     std::printf("  %s\n", line.c_str());
   }
+  if (const auto further = plan.find("further_placement"); further != plan.end())
+    for (const auto& [robot, edges] : further->items()) {
+      std::string line;
+      for (const Json& edge : edges) line += (line.empty() ? "" : ", ") + edge.get<std::string>();
+      std::printf("  %s also to %s\n", robot.c_str(), line.c_str());
+    }
   std::printf("overlap within groups %.4g, cut %.4g\n", plan["in_group_weight"].get<double>(),
               plan["cut_weight"].get<double>());
   std::printf("the global map after %.3g s as predicted; no plan is below %.3g s; decided in %.2g s\n",
@@ -73,12 +85,22 @@ ExitCode plan(PlanArguments arguments) {
   const auto found = std::find(names.begin(), names.end(), arguments.method);  // checked by the command line
   arguments.options.method = static_cast<scheduling::PlanMethod>(found - names.begin());
   if (!arguments.model.empty()) arguments.options.model = scheduling::read_model(arguments.model);
-  const scheduling::Problem problem = scheduling::read_problem(arguments.problem);
-  const Json result = json_of(problem, scheduling::make_plan(problem, arguments.options), arguments.method);
-  if (arguments.json)
-    std::cout << result.dump(2) << '\n';
-  else
-    print(result);
+  std::error_code ignored;
+  const scheduling::Problem problem = std::filesystem::is_directory(arguments.problem, ignored)
+                                          ? runtime::problem_of_run(arguments.problem)
+                                          : scheduling::read_problem(arguments.problem);
+  const scheduling::Plan plan = scheduling::make_plan(problem, arguments.options);
+  if (!arguments.page.empty())
+    write_output({arguments.page, {arguments.problem, arguments.model}, ".html"},
+                 report::plan_page(problem, arguments.options, plan,
+                                   {arguments.problem, arguments.model, runtime::program_version()}));
+  const Json result = json_of(problem, plan, arguments.method);
+  if (arguments.json) {
+    std::cout << runtime::json_text(result) << '\n';
+    return ExitCode::done;
+  }
+  print(result);
+  if (!arguments.page.empty()) std::cout << "page: " << arguments.page.string() << '\n';
   return ExitCode::done;
 }
 
@@ -111,11 +133,12 @@ Json json_of(const scheduling::ProfiledTerm& term) {
 ExitCode profile(const ProfileArguments& arguments) {
   const scheduling::Profile profile = scheduling::profile_runs(arguments.runs);
   const std::string model = scheduling::model_json(profile.model);
-  if (!arguments.out.empty()) write_file(arguments.out, model);
+  if (!arguments.out.empty()) write_output({arguments.out, {}, ".json"}, model);
   if (arguments.json) {
     Json terms = Json::array();
     for (const auto& term : profile.terms) terms.push_back(json_of(term));
-    std::cout << Json{{"model", Json::parse(model)}, {"terms", terms}, {"notes", profile.notes}}.dump(2) << '\n';
+    std::cout << runtime::json_text({{"model", Json::parse(model)}, {"terms", terms}, {"notes", profile.notes}})
+              << '\n';
     return ExitCode::done;
   }
   for (const auto& term : profile.terms) {
@@ -134,33 +157,55 @@ ExitCode profile(const ProfileArguments& arguments) {
   return ExitCode::done;
 }
 
+// As libs/scheduling/README.md says it at length.
+constexpr const char* kProblemForm = R"(
+
+PROBLEM.json:
+  {"robots": ["r0", "r1", "r2"],
+   "overlaps": [["r0", "r1", 0.31], ["r1", "r2", 0.05]],
+   "edges": [{"id": "e0", "bandwidth_bytes_per_s": 2.5e6, "speed": 1.0, "capacity": null},
+             {"id": "e1", "bandwidth_bytes_per_s": 1e6, "delay_s": 0.05}],
+   "cloud": {"speed": 4.0, "edges_judge": true},
+   "robot_scans": {"r0": 1200},
+   "links": [["r0", "e0", 2.5e6, 0.005]]}
+overlaps: degrees |A and B| / (|A| + |B|), 0 to 0.5, each pair once. edges: bandwidth and delay to the
+cloud; speed relative to the latency model's processor; capacity: most robots. links: robot, edge,
+bytes a second, seconds. cloud, robot_scans, links and all of an edge but its id and bandwidth may be left out.)";
+
 }  // namespace
 
 Action set_up_plan(CLI::App& verb) {
   const auto arguments = std::make_shared<PlanArguments>();
-  verb.add_option("PROBLEM", arguments->problem, "robots, overlaps, edges as JSON (libs/scheduling/README.md)")
+  verb.add_option("PROBLEM", arguments->problem,
+                  "robots, overlaps of their maps and edges as JSON, see below; or a folder of results of `mapweave "
+                  "run`: what its maps shared, its scans, edges and links")
       ->required()
-      ->type_name("PROBLEM.json");
+      ->type_name("PROBLEM.json|RUN_DIR");
   verb.add_option(
           "--method", arguments->method,
           "default, recslam (the paper's algorithms as printed), greedy, random, metis, or exact (16 robots at most)")
-      ->check(CLI::IsMember(scheduling::plan_method_names()))
+      ->check(one_of(scheduling::plan_method_names()))
       ->capture_default_str();
-  verb.add_option("--seed", arguments->options.seed, "of random numbers")->capture_default_str();
+  verb.add_option("--seed", arguments->options.seed, "seed of random numbers")
+      ->check(whole_number(0, 4294967295))
+      ->capture_default_str();
   verb.add_option("--model", arguments->model, "latency model as `mapweave profile --out` writes it")
       ->type_name("FILE");
   verb.add_option("--edges-per-robot", arguments->options.edges_per_robot,
                   "partial offloading: to how many edges each robot sends its data")
-      ->check(CLI::Range(1, 1000))
+      ->check(whole_number(1, 1000))
       ->capture_default_str();
+  verb.add_option("--report", arguments->page, "write a page for a browser that shows the plan")
+      ->type_name("FILE.html");
   verb.add_flag("--json", arguments->json, "print JSON");
+  verb.footer(verb.get_footer() + kProblemForm);
   return [arguments] { return plan(*arguments); };
 }
 
 Action set_up_profile(CLI::App& verb) {
   const auto arguments = std::make_shared<ProfileArguments>();
   verb.add_option("RUN_DIR", arguments->runs, "folders of results of `mapweave run`")->required();
-  verb.add_option("--out", arguments->out, "write the model there, for `mapweave plan --model`")->type_name("FILE");
+  verb.add_option("-o,--out", arguments->out, "write the model there, for `mapweave plan --model`")->type_name("FILE");
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] { return profile(*arguments); };
 }

@@ -1,6 +1,7 @@
 // mapweave run: several robots' logs -> robot, edge and team maps.
 
 #include "configuration.h"
+#include "misplaced_input.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/runtime/batch_runner.h>
@@ -22,6 +23,7 @@ Action set_up_run(CLI::App& verb) {
   verb.add_flag("--keep-going", arguments->keep_going, "bad input ends its robot's stream only; the others finish");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
+    expect_configuration(arguments->file);
     const LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     std::vector<std::filesystem::path> inputs{arguments->file};

@@ -2,8 +2,10 @@
 
 #include "configuration.h"
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/options.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/simulation/simulate.h>
 
@@ -27,11 +29,19 @@ ExitCode simulate(const std::string& world_file, const WritingFlags& flags) {
   OutputFolder folder(flags.out, flags.force);
   WorkerPool pool(threads_of(flags));
   const auto progress = make_terminal_progress();
-  const auto logs = simulation::simulate(world, folder.staging(), pool, *progress);
+  const auto logs = [&] {
+    try {
+      return simulation::simulate(world, folder.staging(), pool, *progress);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput) throw;
+      throw Error(error.code(), error.problem(), world_file + (error.where().empty() ? "" : ", " + error.where()),
+                  error.remedy());
+    }
+  }();
   write_file(folder.staging() / "config.yaml", to_yaml(world));
   const Json manifest = runtime::manifest_json("simulate", static_cast<std::uint64_t>(world.seed),
                                                {{world_file, hash_of_file(world_file)}}, folder.staging());
-  write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
+  write_file(folder.staging() / "manifest.json", runtime::json_text(manifest) + "\n");
   folder.commit();
 
   Json summary = Json::array();
@@ -47,7 +57,7 @@ ExitCode simulate(const std::string& world_file, const WritingFlags& flags) {
     std::printf("%.0f m in %.0f s\n", log.length_m, log.duration_s);
   }
   if (flags.json)
-    std::cout << summary.dump(2) << '\n';
+    std::cout << runtime::json_text(summary) << '\n';
   else
     std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
   return ExitCode::done;

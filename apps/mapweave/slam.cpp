@@ -1,6 +1,8 @@
 // mapweave slam: one robot's log -> that robot's map.
 
+#include "command_line.h"
 #include "configuration.h"
+#include "misplaced_input.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
@@ -22,14 +24,15 @@ Action set_up_slam(CLI::App& verb) {
                   "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
   verb.add_option("--sensor", arguments->sensor, runtime::kSensorChoiceText)
-      ->check(CLI::IsMember(std::vector<std::string>(runtime::kSensorChoices.begin(), runtime::kSensorChoices.end())));
+      ->check(one_of({runtime::kSensorChoices.begin(), runtime::kSensorChoices.end()}));
   verb.add_option("--engine", arguments->engine,
                   "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
-      ->check(CLI::IsMember({"graph", "rbpf", "icp"}));
+      ->check(one_of({"graph", "rbpf", "icp"}));
   verb.add_option("--robot", arguments->robot, "the robot's name; without it: the log's file name")->type_name("NAME");
   verb.add_flag("--keep-going", arguments->keep_going, "map what comes before bad input instead of nothing");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
+    expect_log(arguments->log, "slam");
     std::vector<std::string> settings;
     if (!arguments->sensor.empty()) settings.push_back("sensor=" + arguments->sensor);
     if (!arguments->engine.empty()) settings.push_back("laser.engine=" + arguments->engine);

@@ -1,10 +1,13 @@
 // mapweave split: the logs of several robots out of one, cut by time.
 
+#include "command_line.h"
 #include "configuration.h"
+#include "misplaced_input.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/options.h>
 #include <mapweave/rawlog/split.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/manifest.h>
 
 #include <nlohmann/json.hpp>
@@ -79,11 +82,11 @@ ExitCode split(Arguments arguments) {
   const Json manifest =
       runtime::manifest_json("split", arguments.flags.seed.value_or(1),
                              {{arguments.log, runtime::hash_of_input(arguments.log)}}, folder.staging());
-  write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
+  write_file(folder.staging() / "manifest.json", runtime::json_text(manifest) + "\n");
   folder.commit();
 
   if (arguments.flags.json) {
-    std::cout << summary.dump(2) << '\n';
+    std::cout << runtime::json_text(summary) << '\n';
     return ExitCode::done;
   }
   for (const rawlog::SplitPart& part : parts)
@@ -103,17 +106,20 @@ Action set_up_split(CLI::App& verb) {
       ->required();
   verb.add_option("--robots", arguments->options.robots, "how many logs to make")
       ->required()
-      ->check(CLI::Range(1, 1000))
+      ->check(whole_number(1, 1000))
       ->type_name("N");
   verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number(0.0))
       ->type_name("SECONDS");
   verb.add_option("--at", arguments->options.at_s,
                   "where to cut, N - 1 times, in the log's own seconds; without it: equal durations")
       ->type_name("T")
       ->allow_extra_args(false);
   add_writing_flags(verb, arguments->flags);
-  return [arguments] { return split(*arguments); };
+  return [arguments] {
+    expect_log(arguments->log, "split");
+    return split(*arguments);
+  };
 }
 
 }  // namespace mapweave::app

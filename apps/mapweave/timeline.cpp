@@ -1,8 +1,9 @@
-// mapweave timeline: when all would have been there, had wires and processors of a run been otherwise.
+// mapweave timeline: when the map of a run would have been complete with other links and processors.
 
 #include "configuration.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/timeline.h>
 
 #include <nlohmann/json.hpp>
@@ -21,7 +22,7 @@ struct Arguments {
   bool json = false;
 };
 
-// What the work that was measured leaves open. `seed` is that of the wires' jitter and losses.
+// Refuses settings that cannot change what was measured. `seed` is that of the links' jitter and losses.
 void expect_to_act(const std::string& setting) {
   static const std::vector<std::string> sections{"network.", "processors."}, keys{"cloud.at", "mode", "seed"};
   const std::string key = setting.substr(0, setting.find('='));
@@ -38,8 +39,8 @@ void expect_measured(runtime::Mode measured, runtime::Mode asked, const std::str
   using runtime::Mode;
   if (measured == asked) return;
   if (measured == Mode::cloud_only || asked == Mode::cloud_only)
-    throw Error(ErrorCode::kUsage, "what the cloud takes to join alone is measured by a run alone", place,
-                "run it again with --set mode=cloud-only");
+    throw Error(ErrorCode::kUsage, "how long the cloud takes to merge alone is measured by a run in that mode alone",
+                place, "run it again with --set mode=cloud-only");
   if (asked == Mode::offload)
     throw Error(ErrorCode::kUsage, "what robots pack and send was not measured, for they mapped on board", place,
                 "run it again with --set mode=offload");
@@ -59,7 +60,7 @@ ExitCode print_timeline(const Arguments& arguments) {
                                            configuration.cloud, recorded_s, configuration.seed},
                                           work);
   if (arguments.json) {
-    std::cout << timeline_json(line, work).dump(2) << '\n';
+    std::cout << runtime::json_text(timeline_json(line, work)) << '\n';
     return ExitCode::done;
   }
   std::printf("seconds since the recordings ended\n");
@@ -80,8 +81,9 @@ ExitCode print_timeline(const Arguments& arguments) {
 Action set_up_timeline(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("RUN_DIR", arguments->folder, "folder of results of `mapweave run`")->required();
-  verb.add_option("--set", arguments->settings,
-                  "wires and processors that are otherwise: network.robot_edge.profile=4g, processors.robot=0.12")
+  verb.add_option(
+          "--set", arguments->settings,
+          "links and processors to assume instead of the run's: network.robot_edge.profile=4g, processors.robot=0.12")
       ->type_name("KEY=VALUE");
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] { return print_timeline(*arguments); };

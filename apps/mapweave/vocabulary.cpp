@@ -1,6 +1,7 @@
 // mapweave vocabulary: trains the words by which cameras know places again, and shows what is in a file of them.
 
 #include "command.h"
+#include "command_line.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -8,6 +9,7 @@
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/matching/orb_features.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/json_text.h>
 #include <mrpt/obs/CObservation3DRangeScan.h>
 #include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationStereoImages.h>
@@ -93,11 +95,11 @@ Json json_of(const matching::BinaryVocabulary& vocabulary) {
 
 void print(const Json& report, bool json) {
   if (json) {
-    std::cout << report.dump(2) << '\n';
+    std::cout << runtime::json_text(report) << '\n';
     return;
   }
   for (const auto& [key, value] : report.items())
-    std::cout << key << ": " << (value.is_string() ? value.get<std::string>() : value.dump()) << '\n';
+    std::cout << key << ": " << (value.is_string() ? value.get<std::string>() : runtime::json_text(value, -1)) << '\n';
 }
 
 ExitCode train(const TrainingArguments& arguments) {
@@ -132,28 +134,30 @@ Action set_up_vocabulary(CLI::App& verb) {
   verb.require_subcommand(1);
   CLI::App* train_verb = verb.add_subcommand("train", "pictures of logs -> a vocabulary");
   train_verb->add_option("LOG_OR_FOLDER", training->logs, "recordings of cameras")->required();
-  train_verb->add_option("--out", training->out, "vocabulary to write")->required()->type_name("FILE.txt.gz");
-  train_verb->add_option("--branching", training->words.branching, "children of a node")
-      ->check(CLI::Range(2, 32))
+  train_verb->add_option("-o,--out", training->out, "vocabulary to write")->required()->type_name("FILE.txt.gz");
+  train_verb->add_option("--branching", training->words.branching, "children of a node of the tree of words")
+      ->check(whole_number(2, 32))
       ->capture_default_str();
-  train_verb->add_option("--levels", training->words.levels, "of the tree")
-      ->check(CLI::Range(1, 8))
+  train_verb->add_option("--levels", training->words.levels, "levels of that tree")
+      ->check(whole_number(1, 8))
       ->capture_default_str();
-  train_verb->add_option("--seed", training->words.seed, "of everything random")
-      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{4294967295}))
+  train_verb->add_option("--seed", training->words.seed, "seed of everything random")
+      ->check(whole_number(0, 4294967295))
       ->capture_default_str();
-  train_verb->add_option("--every", training->every, "one picture of so many is used")
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1000000}))
+  train_verb->add_option("--every", training->every, "use every n-th picture")
+      ->check(whole_number(1, 1000000))
       ->capture_default_str();
-  train_verb->add_option("--features", training->features.features, "of a picture at most")
-      ->check(CLI::Range(10, 100000))
+  train_verb->add_option("--features", training->features.features, "most features that are taken from a picture")
+      ->check(whole_number(10, 100000))
       ->capture_default_str();
   train_verb->add_flag("--force", training->force, "replace an old file");
+  show_examples(*train_verb, {"mapweave vocabulary train alpha.rawlog --out words.txt.gz"});
 
   const auto file = std::make_shared<std::filesystem::path>();
   CLI::App* info_verb = verb.add_subcommand("info", "what is in a vocabulary");
   info_verb->add_option("FILE", *file,
                         "vocabulary (DBoW2's text layout, gz or plain); without it: the one that mapweave brings");
+  show_examples(*info_verb, {"mapweave vocabulary info words.txt.gz"});
   for (CLI::App* each : {train_verb, info_verb}) each->add_flag("--json", training->json, "print JSON");
   return [=] {
     if (train_verb->parsed()) return train(*training);

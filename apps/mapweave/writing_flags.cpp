@@ -1,16 +1,17 @@
 #include "command.h"
+#include "command_line.h"
 
 #include <mapweave/core/worker_pool.h>
 
 namespace mapweave::app {
 
 void add_writing_flags(CLI::App& verb, WritingFlags& flags) {
-  verb.add_option("--out", flags.out, "new folder for the results")->required()->type_name("DIR");
+  verb.add_option("-o,--out", flags.out, "new folder for the results")->required()->type_name("DIR");
   verb.add_option("--threads", flags.threads, "threads to use; 0: one per processor. Results do not depend on it")
-      ->check(CLI::Range(0, 1024))
+      ->check(whole_number(0, 1024))
       ->type_name("N");
-  verb.add_option("--seed", flags.seed, "of everything random")
-      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{4294967295}))
+  verb.add_option("--seed", flags.seed, "seed of everything random")
+      ->check(whole_number(0, 4294967295))
       ->type_name("S");
   verb.add_option("--set", flags.set,
                   "sets one option: key=value, as in laser.engine=icp (see: mapweave config reference)")

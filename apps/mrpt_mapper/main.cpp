@@ -3,6 +3,7 @@
 
 #include "engine.h"
 
+#include <mapweave/core/exit_code.h>
 #include <mapweave/laser/mapper_protocol.h>
 
 #include <fcntl.h>
@@ -109,7 +110,7 @@ void serve(int output) {
 int main() {
   if (::isatty(STDIN_FILENO) != 0 || ::isatty(STDOUT_FILENO) != 0) {
     std::fputs("mrpt_mapper is started by mapweave (laser engines rbpf and icp); it is not run by hand\n", stderr);
-    return 2;
+    return static_cast<int>(mapweave::ExitCode::wrong_usage);
   }
   // MRPT prints: the protocol keeps the true output for itself.
   const int output = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);

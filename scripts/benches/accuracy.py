@@ -75,7 +75,7 @@ def team(log, cuts, repeat):
     robots = "".join(f"  - {{id: robot{i}, log: {json.dumps(str(path))}, edge: {('north', 'south')[i % 2]}}}\n" for i, path in enumerate(logs))
     config.write_text(f"robots:\n{robots}laser: {{engine: graph}}\n")
     out = folder / f"{log}-{len(logs)}"
-    return {**measure(("run", config), out, out / "team/trajectory.tum", log, repeat), "verb": "run", "robots": len(logs), "engine": "graph"}
+    return {**measure(("run", config), out, out, log, repeat), "verb": "run", "robots": len(logs), "engine": "graph"}
 
 
 def is_whole(row):

@@ -56,6 +56,16 @@ def ticks(low, high, logarithmic):
     return [i * step for i in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
+def figure(name, title, x_name, y_name, series, log_y=False):
+    """What a bench keeps of a figure, for lines() and for report.html. `series`: {name: [(x, y), ...]}."""
+    return {"name": name, "title": title, "x": x_name, "y": y_name, "series": series, "log_y": log_y}
+
+
+def draw(folder, figures):
+    for one in figures:
+        lines(folder / f"{one['name']}.png", one["title"], one["x"], one["y"], one["series"], one["log_y"])
+
+
 def lines(path, title, x_name, y_name, series, log_y=False):
     """`series`: {name: [(x, y), ...]}; x is logarithmic where it spans more than a decade."""
     picture, left, right, top, bottom = Picture(760, 460), 90, 20, 60, 60

@@ -3,7 +3,7 @@
 Needs the program (scripts/build). Simulates the apartments of the paper's section VI (0.20 m/s) and, where MAPWEAVE_DATA has them, cuts public
 logs into teams; runs each team with its edges grouped by each method, and in the cloud alone. Before that it learns each place's latency model from
 other drives there (other seeds; of a public log, which has no other drive, other cuts). Robots are Raspberry Pi 3B+, wires are WiFi. Runs that this program made are not made again. Writes the tables between <!-- bench:recslam -->
-and <!-- /bench --> of datasets/RESULTS.md, out/bench/recslam.json and plots (PNG) beside it. Maps of a robot, of each edge and of all (fig. 12 to 14) go to
+and <!-- /bench --> of datasets/RESULTS.md, out/bench/recslam.json, and plots (PNG) and report.html beside it. Maps of a robot, of each edge and of all (fig. 12 to 14) go to
 out/bench/recslam-maps. A scene whose robots do not end in one map in every run has no times, and the exit code is 5. Takes about an hour.
 """
 import hashlib
@@ -12,7 +12,7 @@ import math
 import shutil
 import statistics
 
-from benches import common, plots
+from benches import common, plots, report
 
 APARTMENT = {"width_m": 18, "height_m": 13}
 SMALL = {"corridor_width_m": 1.2, "room_width_m": 2.0}
@@ -93,7 +93,7 @@ def run_team(name, seed, kind, *settings):
     program = hashlib.sha256(common.PROGRAM.read_bytes()).hexdigest()
     if not (out / "summary.json").exists() or not stamp.exists() or stamp.read_text() != program:
         flags = [flag for setting in (*WIRES, *settings) for flag in ("--set", setting)]
-        common.mapweave("run", logs_of(name, seed), "--out", out, "--force", "--set", "output.png=false", "--set", "output.pcd=false", *flags)
+        common.mapweave("run", logs_of(name, seed), "--out", out, "--force", "--set", "output.png=false", "--set", "output.pcd=false", "--set", "output.report=false", *flags)
         stamp.write_text(program)
     return json.loads((out / "summary.json").read_text()), out
 
@@ -191,21 +191,22 @@ def learn(scenes):
     return model, json.loads(printed)
 
 
-def draw(rows, models):
-    series = [row for row in rows if row["name"] in SERIES and is_one_map(row)]
+def figures(rows, models):
+    series, drawn = [row for row in rows if row["name"] in SERIES and is_one_map(row)], []
     if len(series) > 1:
-        plots.lines(common.OUT / "recslam-total.png", "all there after (RecSLAM fig. 17, 19)", "robots", "s",
-                    {**{method: [(row["robots"], row["methods"][method]["total_s"]) for row in series] for method in METHODS},
-                     "cloud alone": [(row["robots"], row["cloud_only_s"]) for row in series]})
-        plots.lines(common.OUT / "recslam-load.png", "mean load of a robot (fig. 5, 18)", "robots", "% of its core",
-                    {"offload": [(row["robots"], 100 * statistics.mean(row["methods"]["default"]["loads"])) for row in series],
-                     "cloud alone": [(row["robots"], 100 * statistics.mean(row["cloud_only_loads"])) for row in series]})
-        plots.lines(common.OUT / "recslam-functions.png", "fusion in the cloud alone, by function, wall (fig. 7a)", "scans", "s",
-                    {stage.split()[-1]: [(row["scans"], row["stages"][stage]) for row in series] for stage in series[0]["stages"]})
+        drawn += [plots.figure("recslam-total", "map complete after (RecSLAM fig. 17, 19)", "robots", "s",
+                               {**{method: [(row["robots"], row["methods"][method]["total_s"]) for row in series] for method in METHODS},
+                                "cloud alone": [(row["robots"], row["cloud_only_s"]) for row in series]}),
+                  plots.figure("recslam-load", "mean load of a robot (fig. 5, 18)", "robots", "% of its core",
+                               {"offload": [(row["robots"], 100 * statistics.mean(row["methods"]["default"]["loads"])) for row in series],
+                                "cloud alone": [(row["robots"], 100 * statistics.mean(row["cloud_only_loads"])) for row in series]}),
+                  plots.figure("recslam-functions", "fusion in the cloud alone, by function, wall (fig. 7a)", "scans", "s",
+                               {stage.split()[-1]: [(row["scans"], row["stages"][stage]) for row in series] for stage in series[0]["stages"]})]
     for term in next(iter(models.values()))["terms"]:
         if term["term"].startswith("fusion"):
-            plots.lines(common.OUT / f"recslam-{term['term'].replace(' ', '-')}.png", f"{term['term']} (fig. 7, 11)", term["by"], "s",
-                        {what: [(point["at"], point[what]) for point in term["points"]] for what in ("measured", "fitted")})
+            drawn.append(plots.figure(f"recslam-{term['term'].replace(' ', '-')}", f"{term['term']} (fig. 7, 11)", term["by"], "s",
+                                      {what: [(point["at"], point[what]) for point in term["points"]] for what in ("measured", "fitted")}))
+    return drawn
 
 
 def percent(value):
@@ -222,8 +223,8 @@ def cells(row):
             *(percent(default["total_s"] / row["methods"][other]["total_s"] - 1) for other in ("random", "greedy", "recslam")), f"{default['expected_s']:.2f}", load)
 
 
-def report(all_rows, models):
-    text = common.table(("team", "maps", "all there after, s", "against cloud alone", "against random", "against greedy", "against recslam", "expected, s",
+def results_text(all_rows, models):
+    text = common.table(("team", "maps", "map complete after, s", "against cloud alone", "against random", "against greedy", "against recslam", "expected, s",
                          "robot's load, offload / alone"), [cells(row) for row in all_rows])
     rows = [row for row in all_rows if is_one_map(row)]
     if not rows:
@@ -239,7 +240,7 @@ def report(all_rows, models):
              f"Edges and cloud and the cloud alone came to the same verdicts with the same witnesses in every run (VI-A): {joined} of {len(judged)} pairs joined. "
              f"Overlaps and plans took the coordinator {1e3 * max(row['methods']['default']['deciding_s'] for row in rows):.0f} ms of processor time in a run at most.\n\n")
     shown = next((row for row in rows if row["robots"] == 3), rows[0])
-    text += f"Where the time goes where robots map and the cloud joins ({shown['name']}; fig. 4, the paper: 3.83 s by WiFi to 5.36 s, of it 1.51 s on the robot), s:\n\n"
+    text += f"Where the time goes if robots map and the cloud merges ({shown['name']}; fig. 4, the paper: 3.83 s by WiFi to 5.36 s, of it 1.51 s on the robot), s:\n\n"
     text += common.table(("wires", "SLAM on the robot", "robot to cloud", "fusion in the cloud", "all"),
                          [(wire, *(f"{part:.3f}" for part in some), f"{sum(some):.2f}") for wire, some in shown["alone_wires"].items()])
     text += "\n\nThe same by edges:\n\n"
@@ -266,16 +267,18 @@ def run(arguments):
         if name not in SCENES:
             common.give_up(f"unknown scene '{name}'; known: {'; '.join(SCENES)}", 2)
     chosen = [name for name in chosen if "log" not in SCENES[name] or (common.DATA / SCENES[name]["log"]).exists()]
-    rows, models = [], {}
+    rows, models, drawn = [], {}, []
     for place in PLACES:
         scenes = [name for name in place if name in chosen]
         if not scenes:
             continue
         model, models[scenes[0]] = learn(scenes)
         rows += [measure(name, arguments.seed, model) for name in scenes]
-        common.write_json("recslam", {"machine": common.machine(), "commit": common.commit(), "models": models, "rows": rows})
-    draw(rows, models)
-    text = report(rows, models)
+        drawn = figures(rows, models)
+        common.write_json("recslam", {"machine": common.machine(), "commit": common.commit(), "models": models, "rows": rows, "figures": drawn})
+    plots.draw(common.OUT, drawn)
+    report.write()
+    text = results_text(rows, models)
     print(text)
     if not arguments.dry_run:
         common.write_results("recslam", text)

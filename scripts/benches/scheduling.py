@@ -2,13 +2,13 @@
 
 Needs grouping_benchmark (scripts/build release grouping_benchmark). Random overlap graphs: robots in a building (discs of what they saw), the same
 gathered around places, sparse and dense graphs of Erdos and Renyi. Writes the table between <!-- bench:scheduling --> and <!-- /bench --> of
-datasets/RESULTS.md, out/bench/scheduling.json and plots (PNG) beside it. Takes two minutes.
+datasets/RESULTS.md, out/bench/scheduling.json, and plots (PNG) and report.html beside it. Takes two minutes.
 """
 import json
 import statistics
 import subprocess
 
-from benches import common, plots
+from benches import common, plots, report
 
 PROGRAM = common.PROGRAM.parent / "grouping_benchmark"
 KINDS = {"building": "building", "clustered": "gathered", "sparse": "random, sparse", "dense": "random, dense"}
@@ -45,24 +45,26 @@ def median_by_robots(rows, value):
     return [(robots, statistics.median(some)) for robots, some in sorted(found.items())]
 
 
-def draw(rows, times):
+def figures(rows, times):
     def relative(name):
         return median_by_robots([row for row in rows if name in row and row["default"] > 1e-9], lambda row: row[name] / row["default"])
-    plots.lines(common.OUT / "scheduling-cut.png", "cut weight, median of all graphs", "robots", "cut / default", {name: relative(name) for name in OTHERS}, log_y=True)
-    plots.lines(common.OUT / "scheduling-tabu.png", "RecSLAM: effect of the tabu search, median", "robots", "cut / default",
-                {label: relative(name) for name, label in (("recslam_no_search", "algorithm 1"), ("recslam", "as printed"), ("recslam_tabu", "list filters"))})
-    plots.lines(common.OUT / "scheduling-methods.png", "time of the methods, one core, median (fig. 15, 20)", "robots", "ms",
-                {label: median_by_robots([row for row in rows if f"{name}_ms" in row], lambda row: row[f"{name}_ms"])
-                 for name, label in (("default", "default"), ("recslam_no_search", "algorithm 1"), ("recslam", "with tabu"), ("greedy", "greedy"), ("metis", "metis"))}, log_y=True)
-    plots.lines(common.OUT / "scheduling-time.png", "time of the default grouping, one core", "robots", "ms",
-                {label: median_by_robots([row for row in times if row["kind"] == kind], lambda row: row["ms"]) for kind, label in KINDS.items()}, log_y=True)
+    return [plots.figure("scheduling-cut", "cut weight, median of all graphs", "robots", "cut / default", {name: relative(name) for name in OTHERS}, log_y=True),
+            plots.figure("scheduling-tabu", "RecSLAM: effect of the tabu search, median", "robots", "cut / default",
+                         {label: relative(name) for name, label in (("recslam_no_search", "algorithm 1"), ("recslam", "as printed"), ("recslam_tabu", "list filters"))}),
+            plots.figure("scheduling-methods", "time of the methods, one core, median (fig. 15, 20)", "robots", "ms",
+                         {label: median_by_robots([row for row in rows if f"{name}_ms" in row], lambda row: row[f"{name}_ms"])
+                          for name, label in (("default", "default"), ("recslam_no_search", "algorithm 1"), ("recslam", "with tabu"), ("greedy", "greedy"), ("metis", "metis"))},
+                         log_y=True),
+            plots.figure("scheduling-time", "time of the default grouping, one core", "robots", "ms",
+                         {label: median_by_robots([row for row in times if row["kind"] == kind], lambda row: row["ms"]) for kind, label in KINDS.items()}, log_y=True)]
 
 
 def run(arguments):
     common.need(PROGRAM, "run scripts/build release grouping_benchmark first")
     exact, rows, times, unseen = measured("exact", arguments.graphs), measured("compare", arguments.robots), measured("time"), measured("worse", 20)
     common.OUT.mkdir(parents=True, exist_ok=True)
-    draw(rows, times)
+    drawn = figures(rows, times)
+    plots.draw(common.OUT, drawn)
     text = common.table(("graphs", "robots", "against METIS 5", "against greedy", "against recslam", "against random"),
                         [(label, f"{min(row['robots'] for row in some)} to {max(row['robots'] for row in some)}", *(cell(against(some, other)) for other in OTHERS))
                          for kind, label in KINDS.items() if (some := [row for row in rows if row["kind"] == kind])])
@@ -74,7 +76,8 @@ def run(arguments):
              f"better of its two forms, sizes repaired. Against the least cut there is, {exact['graphs']} graphs of 4 to 16 robots: {100 * exact['mean_excess']:.3f} % above on average, "
              f"{100 * exact['worst_excess']:.1f} % at most, {exact['optimal']} of them exactly it. Of {sum(some['graphs'] for some in unseen)} further graphs of 10 to 64 robots, METIS, greedy or recslam is "
              f"better by more than a percent in {sum(some['behind_by_a_percent'] for some in unseen)}.")
-    common.write_json("scheduling", {"machine": common.machine(), "commit": common.commit(), "exact": exact, "compare": rows, "time": times, "unseen": unseen})
+    common.write_json("scheduling", {"machine": common.machine(), "commit": common.commit(), "exact": exact, "compare": rows, "time": times, "unseen": unseen, "figures": drawn})
+    report.write()
     print(text)
     if not arguments.dry_run:
         common.write_results("scheduling", text)

@@ -26,7 +26,7 @@ WORLDS = {
 }
 LEAST_PLACED = 0.9   # of the frames, for an error to be one of the whole
 HEADERS = ("sequence", "sensor", "frames", "lost (longest, s)", "ATE RMSE, m (least to most of seeds)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
-           "frames/s", "peak, MB", "closed after, s")
+           "frames/s", "peak, MB", "loop corrected after, s")
 
 
 def sequences():
@@ -160,7 +160,7 @@ def run(arguments):
         common.write_json("visual", {"machine": common.machine(), "commit": common.commit(), "rows": measured})
     text = common.table(HEADERS, [rows[key] for key in known if key in rows])
     text += (f"\n\nMeasured by `scripts/bench visual` on {common.machine()}; processor time, decoding of pictures included in frames/s. Median "
-             f"of the seeds' errors; closed after: from the robot's coming back to where it was until its map was straight; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
+             f"of the seeds' errors; loop corrected after: seconds from the robot's return to a known place until its map was corrected; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
     print(text)
     if not arguments.dry_run:
         common.write_results("visual", text)

@@ -67,13 +67,9 @@ function(mapweave_add_program name)
   set_property(GLOBAL APPEND PROPERTY MAPWEAVE_PROGRAMS ${name})
 endfunction()
 
-# `decoder_tests`: the tests of what reads files and messages, which scripts/test builds and runs with the address sanitizer as well.
-add_custom_target(decoder_tests)
-
-# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds] [DECODERS] [LABEL library]): one gtest
-# executable per library. DECODERS: it is one of `decoder_tests`, and has that label as well.
+# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds]): one gtest executable per library.
 function(mapweave_add_test name)
-  cmake_parse_arguments(arg "DECODERS" "TIMEOUT;LABEL" "USES;SOURCES;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "" "TIMEOUT" "USES;SOURCES;PRIVATE" ${ARGN})
   add_executable(${name}_test ${arg_SOURCES})
   mapweave_compile_quickly(${name}_test REUSE_FROM mapweave_test_headers)
   list(TRANSFORM arg_USES PREPEND mapweave::)
@@ -86,15 +82,8 @@ function(mapweave_add_test name)
   if(MAPWEAVE_SANITIZER)
     math(EXPR arg_TIMEOUT "6 * ${arg_TIMEOUT}")
   endif()
-  if(NOT arg_LABEL)
-    set(arg_LABEL ${name})
-  endif()
-  if(arg_DECODERS)
-    string(APPEND arg_LABEL "\\;decoder_tests")   # escaped, so that it stays one argument
-    add_dependencies(decoder_tests ${name}_test)
-  endif()
   include(GoogleTest)
-  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS "${arg_LABEL}")
+  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
 endfunction()
 
 # mapweave_add_benchmark(NAME USES ... SOURCES ...): built with the rest, run by scripts/bench, never by ctest.

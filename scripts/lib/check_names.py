@@ -3,7 +3,8 @@
 
 Public types (libs/*/include): a name stands for one type over all libraries; forward declarations and nested types do not count.
 Identifiers and file names of libs, apps, test and scripts: none of the words that this project had of its own for what the field has a word for.
-Texts in the code of libs and apps, the reference of options, the README and the guides: none of them but for those that are plain English as well.
+Texts in the code of libs and apps, the reference of options, all pages (*.md; what stands in backticks may be an old name): none of them but for those that are
+plain English as well.
 """
 import pathlib
 import re
@@ -32,16 +33,18 @@ RETIRED = {
     "hear hears heard": "receive, received",
     "way ways": "trajectory, path, motion",
     "lengths": "scale",
+    "tie ties tied": "constraint",
 }
 
 # Plain English in a text ("either way", "focal lengths"), though not in a name.
-PLAIN_IN_TEXTS = {"way", "ways", "tell", "tells", "lengths"}
+PLAIN_IN_TEXTS = {"way", "ways", "tell", "tells", "lengths", "tie", "ties"}
 
 # Identifiers, and texts that are nothing else, that have such a word for a reason.
 EXCEPTIONS = {
     "bind": "databases' word for giving a statement its parameters (mapdb)",
     "bind_bytes": "as bind",
     "bind_text": "as bind",
+    "tie": "std::tie",
     "lent_bytes": "a key of summary.json, which is read of earlier runs",
     "heard_bytes": "as lent_bytes",
 }
@@ -74,6 +77,8 @@ def code_of(file):
 def texts_of(file):
     """The numbered texts that users may see: those in a source's code; of any other file each line."""
     text = (ROOT / file).read_text()
+    if file.suffix == ".md":
+        return enumerate(re.sub(r"`[^`\n]*`", "", text).splitlines(), 1)
     if file.suffix not in (".h", ".cpp"):
         return enumerate(text.splitlines(), 1)
     return [(text.count("\n", 0, found.start()) + 1, found.group()) for found in NO_CODE.finditer(text) if not found.group().startswith("/")]
@@ -107,7 +112,7 @@ def check_identifiers():
 
 
 def check_texts():
-    for file in listed("libs/*.h", "libs/*.cpp", "apps/*.h", "apps/*.cpp", "README.md", "apps/*/guide/*.md", "libs/README.md", "configs/*.yaml"):
+    for file in listed("libs/*.h", "libs/*.cpp", "apps/*.h", "apps/*.cpp", "*.md", "configs/*.yaml"):
         if str(file) in OLD_NAMES:
             continue
         for number, text in texts_of(file):

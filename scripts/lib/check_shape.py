@@ -24,12 +24,6 @@ EXCEPTIONS = {
     ("libs/fusion/src/team/joint_transforms.cpp", "get_starting_point"): "as eval_h",
     ("libs/fusion/src/team/joint_transforms.cpp", "eval_jac_g"): "as eval_h",
     ("libs/scheduling/src/lower_bound.cpp", "get_starting_point"): "as eval_h",
-    # Until the present rework of these libraries is in.
-    ("libs/graph/", "*"): "under rework",
-    ("libs/runtime/", "*"): "under rework",
-    ("libs/tiers/", "*"): "under rework",
-    ("libs/transport/", "*"): "under rework",
-    ("libs/visual/", "*"): "under rework",
 }
 
 TOKEN = re.compile(r"""

@@ -15,6 +15,12 @@ TEST(Error, says_where_what_and_what_to_do) {
   EXPECT_STREQ(Error(ErrorCode::kInternal, "odd", {}, "restart").what(), "odd; restart");
 }
 
+TEST(Error, names_the_folder_of_results_and_not_the_one_beside_it_that_a_full_disk_cut_short) {
+  EXPECT_EQ(Error(ErrorCode::kCannotWrite, "full", "/a/out.partial-123/robots/map.mwdb.partial-123-0").where(),
+            "/a/out/robots/map.mwdb");
+  EXPECT_EQ(Error(ErrorCode::kCannotWrite, "full", "/a/out.partial-notes").where(), "/a/out.partial-notes");
+}
+
 TEST(Error, has_the_exit_code_that_scripts_rely_on) {
   EXPECT_EQ(exit_code(ErrorCode::kUsage), ExitCode::wrong_usage);
   for (const auto code : {ErrorCode::kBadInput, ErrorCode::kMissing, ErrorCode::kCorrupt, ErrorCode::kUnsupported})

@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
+#include <sys/stat.h>
 
 #include <support/temporary_folder.h>
+#include <chrono>
+#include <fstream>
+#include <thread>
 
 namespace mapweave {
 namespace {
@@ -73,6 +77,30 @@ TEST(ReadFile, names_the_file_that_is_missing) {
   EXPECT_EQ(std::string(error.what()),
             (folder / "absent.yaml").string() + ": cannot be read: No such file or directory; check the path");
   EXPECT_EQ(error_of([&] { read_file(folder.path()); }).code(), ErrorCode::kMissing);
+}
+
+TEST(ReadFile, waits_for_a_pipe_only_where_somebody_writes_to_it) {
+  const test::TemporaryFolder folder;
+  const auto pipe = folder / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THAT(error_of([&] { read_file(pipe); }).what(), HasSubstr("pipe: is a pipe that nobody writes to"));
+  std::thread writer([&] {
+    std::ofstream late(pipe);
+    late << "first";
+    late.flush();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    late << " and last";
+  });
+  EXPECT_EQ(read_file(pipe), "first and last");
+  writer.join();
+}
+
+TEST(ExpectOutside, names_a_place_that_cannot_be_found_and_not_the_input) {
+  const test::TemporaryFolder folder;
+  std::filesystem::create_symlink("round", folder / "round");
+  const Error error = error_of([&] { expect_outside(folder / "round", {folder / "room.log"}); });
+  EXPECT_EQ(error.code(), ErrorCode::kCannotWrite);
+  EXPECT_THAT(error.what(), HasSubstr("symbolic links"));
 }
 
 TEST(ReadFile, reads_no_more_than_its_caller_can_hold) {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
+#include <mapweave/core/progress.h>
 
 namespace mapweave {
 namespace {
@@ -33,6 +34,20 @@ TEST(Log, knows_the_names_of_its_levels) {
   EXPECT_EQ(log_level_from_text("warning"), LogLevel::warning);
   EXPECT_EQ(log_level_from_text("error"), LogLevel::error);
   EXPECT_THROW(log_level_from_text("loud"), Error);
+}
+
+TEST(Log, progress_is_quiet_where_only_errors_are_wanted) {
+  const auto shown = [](LogLevel lowest) {
+    set_log_level(lowest);
+    testing::internal::CaptureStderr();
+    const auto progress = make_terminal_progress();
+    { const ProgressTask task(*progress, "robot alpha", 3, "scans"); }
+    set_log_level(LogLevel::info);
+    return testing::internal::GetCapturedStderr();
+  };
+  EXPECT_NE(shown(LogLevel::info), "");
+  EXPECT_EQ(shown(LogLevel::warning), "");
+  EXPECT_EQ(shown(LogLevel::error), "");
 }
 
 }  // namespace

@@ -299,6 +299,16 @@ TEST_F(OptionLoading, checks_values_set_in_code) {
   EXPECT_THROW(check(options), Error);
 }
 
+TEST_F(OptionLoading, a_key_without_its_section_or_unit_is_named) {
+  EXPECT_EQ(refusal({"seed: 1\nheight: 1\n"}), "a.yaml:2: unknown key 'height'; did you mean 'laser.height_m'?");
+  EXPECT_EQ(refusal_of_setting("serch_radius_m=1"),
+            "--set serch_radius_m=1: unknown key 'serch_radius_m'; did you mean 'laser.graph.search_radius_m'?");
+  EXPECT_EQ(refusal_of_setting("x=1"),
+            "--set x=1: unknown key 'x'; did you mean 'robots.0.start.x_m', 'robots.1.start.x_m' or "
+            "'robots.0.waypoints.0.x_m'?");
+  EXPECT_THAT(refusal_of_setting("colour=red"), HasSubstr("mapweave config reference --find WORD"));
+}
+
 struct TwiceNamed {
   double a = 1.0, b = 1.0;
   template <class Visitor>

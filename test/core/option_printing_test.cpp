@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/core/files.h>
+#include <mapweave/core/option_search.h>
 
 #include <support/temporary_folder.h>
 #include <cmath>
@@ -231,6 +232,15 @@ TEST(ToYaml, refuses_what_is_no_list_of_texts) {
       EXPECT_THAT(error.what(), HasSubstr("a.yaml:1"));
     }
   EXPECT_THROW(named("push_to:"), Error);
+}
+
+TEST(FoundOptions, are_those_whose_key_or_meaning_has_the_words) {
+  EXPECT_EQ(found_options(TeamOptions(), {"SCORE"}),
+            "laser.graph.min_score: 0.55\n    mean occupancy under the scan (0..1)\n");
+  EXPECT_EQ(found_options(TeamOptions(), {"edge", "maps"}), "robots.0.edge: \"\"\n    the edge that maps it\n");
+  EXPECT_THAT(found_options(TeamOptions(), {"forward"}),
+              testing::AllOf(HasSubstr("robots.0.waypoints.0.x_m: 0\n"), HasSubstr("robots.0.start.x_m: 0\n")));
+  EXPECT_EQ(found_options(TeamOptions(), {"colour"}), "");
 }
 
 }  // namespace

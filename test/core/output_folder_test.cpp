@@ -47,6 +47,48 @@ void make_results(const fs::path& path, const std::string& text) {
   output.commit();
 }
 
+TEST(OutputFolder, says_at_once_that_a_link_leads_nowhere) {
+  const test::TemporaryFolder folder;
+  fs::create_symlink(folder / "gone", folder / "out");
+  expect_refused(folder / "out", false, "is a link to " + (folder / "gone").string() + ", which is not there");
+}
+
+TEST(OutputFolder, says_at_once_that_another_run_writes_there) {
+  const test::TemporaryFolder folder;
+  int ready[2], over[2];
+  ASSERT_EQ(::pipe(ready) + ::pipe(over), 0);
+  const pid_t other = ::fork();
+  if (other == 0) {
+    char byte = 0;
+    {
+      OutputFolder output(folder / "out", false);
+      [[maybe_unused]] const auto sent = ::write(ready[1], &byte, 1);
+      [[maybe_unused]] const auto received = ::read(over[0], &byte, 1);
+    }
+    ::_exit(0);
+  }
+  char byte = 0;
+  ASSERT_EQ(::read(ready[0], &byte, 1), 1);
+  expect_refused(folder / "out", false, "another run (process " + std::to_string(other) + ") is writing");
+  ASSERT_EQ(::write(over[1], &byte, 1), 1);
+  ::waitpid(other, nullptr, 0);
+  OutputFolder output(folder / "out", false);
+}
+
+TEST(OutputFolder, says_that_files_came_there_meanwhile) {
+  const test::TemporaryFolder folder;
+  OutputFolder output(folder / "out", false);
+  write_file(output.staging() / "manifest.json", "mine");
+  fs::create_directory(folder / "out");
+  write_file(folder / "out/theirs", "theirs");
+  try {
+    output.commit();
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("somebody else has put files there since this run began"));
+  }
+}
+
 TEST(OutputFolder, appears_whole_at_commit) {
   const test::TemporaryFolder folder;
   {

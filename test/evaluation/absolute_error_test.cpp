@@ -94,5 +94,19 @@ TEST(RelativeError, refuses_pieces_longer_than_the_path) {
       ContractViolation);
 }
 
+TEST(TrajectoryErrors, of_robots_of_one_map_share_an_alignment) {
+  // The second robot's map was laid 1 m beside where it belongs: an alignment of its own would hide that.
+  Trajectory beside = bend(0.0, 0.0);
+  for (auto& point : beside) point.pose.t.y() += 1.0;
+  const AlignedTracks together =
+      aligned_tracks({{bend(0.0, 0.0), bend(0.0, 0.0)}, {beside, bend(0.0, 0.0)}}, {AlignmentKind::se3, 0.01});
+  ASSERT_EQ(together.tracks.size(), 2u);
+  const TrajectoryError error = absolute_error(together);
+  EXPECT_EQ(error.pairs, 20u);
+  EXPECT_NEAR(error.translation_m.rmse, 0.5, 1e-9);
+  EXPECT_EQ(relative_error(together).pairs, 18u);  // no piece leads from one robot to the other
+  EXPECT_NEAR(relative_error(together).translation_m.max, 0.0, 1e-9);
+}
+
 }  // namespace
 }  // namespace mapweave::evaluation

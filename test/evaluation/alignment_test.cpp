@@ -151,5 +151,44 @@ TEST(Association, takes_the_nearest_in_time_for_each_of_the_shorter) {
   EXPECT_EQ(swapped[0].stamp, Stamp{100000000});
 }
 
+TEST(ConstantRotation, of_a_robot_against_its_cameras_optical_frame_is_found) {
+  std::vector<PosePair> pairs;
+  for (int i = 0; i < 20; ++i) {
+    const Pose3 robot{{0.1 * i, 0.0, 0.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.1 * i, Eigen::Vector3d::UnitZ()))};
+    pairs.push_back({Stamp{i}, compose(robot, robot_from_optical()), robot});
+  }
+  const auto found = constant_rotation(pairs);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->angle_deg, 120.0, 1e-6);
+  EXPECT_NEAR(found->spread_deg, 0.0, 1e-5);
+  EXPECT_NEAR(found->reference_body_from_estimate_body.angularDistance(robot_from_optical().q.conjugate()), 0.0, 1e-6);
+}
+
+TEST(ConstantRotation, is_not_made_of_errors) {
+  std::vector<PosePair> pairs;
+  for (int i = 0; i < 20; ++i)
+    pairs.push_back({Stamp{i}, {}, {{}, Eigen::Quaterniond(Eigen::AngleAxisd(0.1 * i, Eigen::Vector3d::UnitZ()))}});
+  EXPECT_FALSE(constant_rotation(pairs));  // a heading that runs away
+  EXPECT_FALSE(constant_rotation({{Stamp{0}, {}, {}}}));
+}
+
+TEST(ConstantRotation, is_not_made_of_a_world_that_is_turned) {
+  // A hand-held camera that stays in place: positions say little of how the worlds lie to each other.
+  const Eigen::Quaterniond world(Eigen::AngleAxisd(0.37, Eigen::Vector3d(1.0, 2.0, 0.5).normalized()));
+  std::vector<PosePair> pairs;
+  for (int i = 0; i < 60; ++i) {
+    const Eigen::Quaterniond q = Eigen::AngleAxisd(0.1 * std::sin(0.3 * i), Eigen::Vector3d::UnitX()) *
+                                 Eigen::AngleAxisd(0.1 * std::cos(0.2 * i), Eigen::Vector3d::UnitY()) *
+                                 Eigen::Quaterniond::Identity();
+    pairs.push_back({Stamp{i}, {Eigen::Vector3d::Zero(), world * q}, {Eigen::Vector3d::Zero(), q}});
+  }
+  EXPECT_FALSE(constant_rotation(pairs));
+}
+
+TEST(RobotFromOptical, looks_ahead) {
+  EXPECT_NEAR((robot_from_optical().q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitX()).norm(), 0.0, 1e-12);
+  EXPECT_NEAR((robot_from_optical().q * Eigen::Vector3d::UnitY() + Eigen::Vector3d::UnitZ()).norm(), 0.0, 1e-12);
+}
+
 }  // namespace
 }  // namespace mapweave::evaluation

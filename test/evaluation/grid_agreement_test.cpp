@@ -114,5 +114,24 @@ TEST(GridAgreement, refuses_grids_that_know_nothing) {
   EXPECT_THROW(grid_agreement(drawn(kRoom), OccupancyGrid{}), ContractViolation);
 }
 
+TEST(MovedGrid, lies_where_another_frame_has_it) {
+  OccupancyGrid grid;
+  grid.resolution_m = 0.1;
+  grid.columns = 30;
+  grid.rows = 20;
+  grid.log_odds.assign(600, -100);
+  for (std::size_t column = 0; column < 30; ++column) grid.log_odds[column] = 100;  // a wall at its lower side
+  const OccupancyGrid turned = moved(grid, Pose2(5.0, 1.0, M_PI / 2));
+  EXPECT_EQ(turned.columns, 20);
+  EXPECT_EQ(turned.rows, 30);
+  EXPECT_NEAR(turned.origin_x_m, 3.0, 1e-9);
+  EXPECT_NEAR(turned.origin_y_m, 1.0, 1e-9);
+  EXPECT_EQ(turned.at(19, 10), 100);  // now at its right one
+  EXPECT_EQ(turned.at(18, 10), -100);
+  const GridAgreement same = grid_agreement(grid, moved(turned, inverse(Pose2(5.0, 1.0, M_PI / 2))));
+  EXPECT_EQ(same.agreement, 1.0);
+  EXPECT_EQ(same.overlap, 1.0);
+}
+
 }  // namespace
 }  // namespace mapweave::evaluation

@@ -131,5 +131,21 @@ TEST(ParseRelations, names_the_line_of_what_it_cannot_use) {
   EXPECT_THAT(complaint_about("# nothing\n"), HasSubstr("no relation in it"));
 }
 
+TEST(RelationError, of_a_team_counts_relations_between_its_robots) {
+  const Trajectory whole = corner();
+  const std::vector<Trajectory> team = {{whole[0], whole[1]}, {whole[2], whole[3]}};
+  const std::vector<Relation> relations = {{at(100.0), at(101.0), Pose2(1.0, 0.0, 0.0)},
+                                           {at(101.0), at(102.0), Pose2(1.0, 0.0, M_PI / 2)},
+                                           {at(102.0), at(103.0), Pose2(1.0, 0.0, 0.0)}};
+  const RelationError together = relation_error({TeamRelations{{team}, relations}});
+  EXPECT_EQ(together.used, 3u);
+  EXPECT_EQ(together.between_robots, 1u);
+  EXPECT_NEAR(together.translation_max_m, 0.0, 1e-12);
+  // In maps that stayed apart the poses of one say nothing of the other's.
+  const RelationError apart = relation_error({TeamRelations{{{team[0]}, {team[1]}}, relations}});
+  EXPECT_EQ(apart.used, 2u);
+  EXPECT_EQ(apart.between_robots, 0u);
+}
+
 }  // namespace
 }  // namespace mapweave::evaluation

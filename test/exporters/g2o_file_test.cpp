@@ -132,5 +132,38 @@ TEST(G2oText, refuses_what_a_pose_graph_cannot_say) {
 
 TEST(G2oText, of_an_empty_map_is_a_comment) { EXPECT_EQ(g2o_text(Map{}), "# 0 vertices, 0 constraints\n"); }
 
+TEST(G2oText, of_a_camera_map_has_an_edge_for_each_sighting) {
+  auto camera = std::make_shared<CameraGeometry>();
+  camera->width = 640;
+  camera->height = 480;
+  camera->fx = camera->fy = 500.0;
+  camera->cx = 320.0;
+  camera->cy = 240.0;
+  camera->baseline_m = 0.2;
+  camera->robot_from_camera.t = {0.25, 0.0, 0.5};
+  const auto keyframe = std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}});
+  Map map;
+  for (std::uint32_t i = 0; i < 2; ++i)
+    add_pose(map, node_id("alpha", i), i + 1, {{1.0 * i, 0.0, 0.0}, {1, 0, 0, 0}}, keyframe);
+  Landmark landmark;
+  landmark.id = {node_id("alpha", 0).session, 0};
+  landmark.anchor = node_id("alpha", 0);
+  landmark.point_units = landmark_units({4.0, 0.5, 0.25});
+  landmark.seen = {{node_id("alpha", 0), pixel_units(100.5), pixel_units(200.0), inverse_depth_units(4.0), 1},
+                   {node_id("alpha", 1), pixel_units(90.0), pixel_units(200.0), 0, 0}};
+  map.landmarks.set(landmark.id, landmark);
+  Landmark once = landmark;
+  once.id.index = 1;
+  once.seen.pop_back();  // nothing holds it
+  map.landmarks.set(once.id, once);
+  const std::string text = g2o_text(map);
+  EXPECT_THAT(text, HasSubstr("PARAMS_CAMERACALIB 0 0.25 0 0.5 0 0 0 1 500 500 320 240\n"));
+  EXPECT_THAT(text, HasSubstr("VERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n"));
+  EXPECT_THAT(text, HasSubstr("VERTEX_TRACKXYZ 2 4 0.5 0.25\n"
+                              "EDGE_PROJECT_DISPARITY 0 2 0 100.5 200 0.25 1 0 0 1 0 10000\n"
+                              "EDGE_PROJECT_DISPARITY 1 2 0 90 200 0 4 0 0 4 0 0\n"));
+  EXPECT_THAT(text, testing::Not(HasSubstr("VERTEX_TRACKXYZ 3")));
+}
+
 }  // namespace
 }  // namespace mapweave::exporters

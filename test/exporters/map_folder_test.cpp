@@ -39,15 +39,25 @@ TEST(MapFolder, holds_what_slam_and_merge_promise) {
   MapFolderOptions options;
   options.files.robot_trajectories = options.files.g2o = true;
   const auto written = write_map_folder(folder / "team", two_robots(), kRoom, options);
-  EXPECT_THAT(written, ElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum",
+  EXPECT_THAT(written, ElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd",
                                    "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
-  EXPECT_THAT(
-      files_in(folder / "team"),
-      testing::UnorderedElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum",
-                                    "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
-  EXPECT_EQ(evaluation::read_tum(folder / "team/trajectory.tum").size(), 3u);
+  EXPECT_THAT(files_in(folder / "team"),
+              testing::UnorderedElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd",
+                                            "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
   EXPECT_EQ(evaluation::read_tum(folder / "team/trajectories/alpha.tum").size(), 2u);
+  EXPECT_EQ(evaluation::read_tum(folder / "team/trajectories/beta.tum").size(), 1u);
   EXPECT_EQ(test::letters_of(read_map_server(folder / "team/map.yaml")), test::letters_of(kRoom));
+}
+
+TEST(MapFolder, of_one_robot_has_its_trajectory_at_the_top) {
+  const test::TemporaryFolder folder;
+  Map map;
+  add_pose(map, node_id("alpha", 0), 1000000000, {});
+  EXPECT_THAT(write_map_folder(folder / "robot", map, {}), ElementsAre("map.pcd", "trajectory.tum"));
+  MapFolderOptions options;
+  options.files.robot_trajectories = true;
+  EXPECT_THAT(write_map_folder(folder / "team", map, {}, options),
+              ElementsAre("map.pcd", "trajectory.tum", "trajectories/alpha.tum"));
 }
 
 TEST(MapFolder, holds_only_what_was_asked_for) {
@@ -61,7 +71,7 @@ TEST(MapFolder, holds_only_what_was_asked_for) {
 TEST(MapFolder, of_a_map_that_saw_nothing_has_no_pictures) {
   const test::TemporaryFolder folder;
   const auto written = write_map_folder(folder.path(), two_robots(), OccupancyGrid{});
-  EXPECT_THAT(written, ElementsAre("map.pcd", "trajectory.tum"));
+  EXPECT_THAT(written, ElementsAre("map.pcd", "trajectories/alpha.tum", "trajectories/beta.tum"));
 }
 
 TEST(MapFolder, has_the_same_bytes_each_time) {

@@ -173,7 +173,8 @@ TEST_F(MapServer, names_file_line_and_remedy_of_what_makes_no_map) {
         << resolution;
     EXPECT_EQ(code_, ErrorCode::kBadInput);
   }
-  for (const char* origin : {"[.nan, 0, 0]", "[0]", "[0, 0, 0, 0]", "3", "[a, 0, 0]", "[1e300, 0, 0]", "{x: 1}"})
+  for (const char* origin :
+       {"[.nan, 0, 0]", "[0]", "[0, 0]", "[0, 0, 0, 0]", "3", "[a, 0, 0]", "[1e300, 0, 0]", "{x: 1}"})
     EXPECT_THAT(complaint_about(std::string(kPlain) + "origin: " + origin + "\n"), HasSubstr("m.yaml:3: 'origin'"))
         << origin;
   EXPECT_THAT(complaint_about(std::string(kPlain) + "occupied_thresh: 65\n"), HasSubstr("it must lie in 0..1"));
@@ -185,6 +186,12 @@ TEST_F(MapServer, names_file_line_and_remedy_of_what_makes_no_map) {
   EXPECT_THAT(complaint_about(""), HasSubstr("no map's description"));
   EXPECT_THAT(complaint_about(std::string(100000, '[')), HasSubstr("m.yaml:1"));
   EXPECT_THROW(read_map_server(folder_ / "absent.yaml"), Error);
+}
+
+TEST_F(MapServer, a_key_that_comes_twice_is_refused) {
+  EXPECT_THAT(complaint_about(std::string(kPlain) + "resolution: 0.05\n"),
+              HasSubstr("m.yaml:3: the key 'resolution' comes twice"));
+  EXPECT_EQ(code_, ErrorCode::kBadInput);
 }
 
 TEST_F(MapServer, is_not_fooled_by_sizes_in_a_header) {

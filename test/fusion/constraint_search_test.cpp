@@ -41,22 +41,23 @@ struct Search {
   Pose2 last_from_first;    // of the first map's last submap and the second map's first one
 };
 
-// Two maps that one doubtful match ties to 2 m, the first map's first or last submap to the second's first: what is so
-// vague confirms nothing.
+// Two maps that one doubtful match connects to 2 m, the first map's first or last submap to the second's first: what is
+// so vague confirms nothing.
 Search searched(const Map& one, const Map& other, const Pose2& one_from_other, bool is_final,
-                bool is_tied_at_end = false) {
+                bool is_matched_at_end = false) {
   WorkerPool pool(1);
   Memo memo;
   const FusionOptions options;
   const std::set<Hash> vetoed;
+  const FusionInput input;
   matching::ModelCache cache(std::size_t{64} << 20U);
   const std::vector<PreparedMap> maps{prepare(one, cache, options.stride_m, pool),
                                       prepare(other, cache, options.stride_m, pool)};
   const SubmapGraph graph(maps, options.solve);
-  SubmapJudge judge(maps, graph, options, vetoed, {cache, memo, pool});
+  SubmapJudge judge(maps, graph, options, vetoed, {cache, memo, pool, input});
   SubmapMatch given;
   const std::size_t last = maps[0].submaps.size() - 1;
-  given.from = is_tied_at_end ? last : 0;
+  given.from = is_matched_at_end ? last : 0;
   given.to = last + 1;
   given.from_from_to =
       between(maps[0].map_from_submap[given.from], compose(one_from_other, maps[1].map_from_submap.front()));
@@ -86,7 +87,7 @@ TEST(ConstraintSearch, of_a_team_finds_what_little_two_maps_share_where_one_ends
   }
 }
 
-TEST(ConstraintSearch, finds_nothing_between_maps_that_were_tied_wrongly) {
+TEST(ConstraintSearch, finds_nothing_between_maps_that_were_matched_wrongly) {
   const Drive whole = drive(7);
   const std::size_t half = whole.steps.size() / 2;
   const Map one = part_of(whole, "one", 0, half);
@@ -94,8 +95,8 @@ TEST(ConstraintSearch, finds_nothing_between_maps_that_were_tied_wrongly) {
     for (const std::size_t begin : {half, half + 100}) {
       const Map other = part_of(alien, "other", begin, alien.steps.size());
       const Pose2 laid = between(whole.steps.front().world_from_robot, whole.steps[half - 1].world_from_robot);
-      for (const bool is_tied_at_end : {false, true})
-        EXPECT_EQ(searched(one, other, laid, true, is_tied_at_end).matches, 0U)
+      for (const bool is_matched_at_end : {false, true})
+        EXPECT_EQ(searched(one, other, laid, true, is_matched_at_end).matches, 0U)
             << begin << " of " << alien.steps.size();
     }
 }

@@ -92,7 +92,7 @@ TEST(GridPair, refuses_rooms_that_are_all_alike) {
   EXPECT_EQ(result.reason, Reason::ambiguous) << result.note;
 }
 
-TEST(GridPair, ties_bend_the_joint_graph_so_that_walls_coincide) {
+TEST(GridPair, constraints_bend_the_joint_graph_so_that_walls_coincide) {
   DrawnGridOptions west, east;
   west.seen = kWest;
   east.seen = kEast;

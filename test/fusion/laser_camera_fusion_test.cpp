@@ -5,6 +5,8 @@
 #include <support/simulated_maps.h>
 #include <support/starry_maps.h>
 
+#include <algorithm>
+
 namespace mapweave::fusion {
 namespace {
 
@@ -23,11 +25,11 @@ Map of_two_senses(const simulation::SimulatedRobot& robot, const simulation::Sim
   return rig::align_cameras(test::truth_map(robot, laser), {camera}).map;
 }
 
-FusionResult fused(std::vector<Map> maps) {
+FusionResult fused(std::vector<Map> maps, const FusionOptions& options = {}) {
   WorkerPool pool(2);
   Memo memo;
   const auto progress = make_silent_progress();
-  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
+  return fuse({std::move(maps), {}, TierId("cloud")}, options, memo, pool, *progress);
 }
 
 TEST(LaserCameraFusion, joins_robots_by_both_senses_in_one_graph) {
@@ -123,6 +125,22 @@ TEST(LaserCameraFusion, bends_all_of_a_depth_cameras_map_to_a_robot_with_a_laser
   EXPECT_LT(of_alone.heading_rad, 0.015);
   EXPECT_LT(of_alone.landmark_m, 0.05);
   EXPECT_EQ(result.components[0].scales.size(), 0U);
+}
+
+TEST(LaserCameraFusion, weighs_what_a_camera_saw_as_the_options_say) {
+  const OneOfTwoSenses flat;
+  FusionOptions options;
+  options.laser_cameras.covisibility_sigma_m = 0.5;
+  const auto scan_matches_weighted = [](const Map& map, double information) {
+    return std::any_of(map.constraints.begin(), map.constraints.end(), [&](const auto& entry) {
+      return entry.first.kind == ConstraintKind::scan_match &&
+             std::abs(entry.second.information(0, 0) - information) < 1e-9;
+    });
+  };
+  options.laser_cameras.covisibility_sigma_per_m = 0.0;
+  const auto result = fused({flat.both, flat.camera_alone("robot1", {})}, options);
+  ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
+  EXPECT_TRUE(scan_matches_weighted(result.components[0].map, 4.0));
 }
 
 // Before and behind the other in the order of names.

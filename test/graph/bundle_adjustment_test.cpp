@@ -100,7 +100,7 @@ TEST(BundleAdjustment, ends_where_ceres_does) {
   }
 }
 
-TEST(BundleAdjustment, holds_what_is_tied) {
+TEST(BundleAdjustment, holds_views_together_by_relative_pose_constraints) {
   Ring ring;
   // A view that sees nothing, on a rig with another.
   ring.drifted.views.push_back(ring.drifted.views[5]);

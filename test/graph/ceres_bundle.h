@@ -1,7 +1,7 @@
 #pragma once
 // The problem of mapweave/graph/bundle_adjustment.h, handed to Ceres: an oracle, and what its time is compared with.
 // Derivatives by hand; a view's small motion as ours, so that Ceres does not multiply by a manifold's slope in vain.
-// Without ties between views, and without what is learnt of the sensor.
+// Without relative-pose constraints, and without what is learnt of the sensor.
 
 #include <mapweave/graph/bundle_adjustment.h>
 

@@ -95,7 +95,7 @@ TEST(SubmapCutter, freezes_submaps_whose_frame_is_their_first_node) {
   }
 }
 
-TEST(SubmapCutter, ties_neighbours_by_matching_and_by_wheels_where_they_measured) {
+TEST(SubmapCutter, constrains_neighbours_by_matching_and_by_wheels_where_they_measured) {
   auto scans = straight(10, 0.2);
   scans[4].previous_from_this.reset();
   const Map map = cut(std::move(scans));

@@ -71,7 +71,7 @@ TEST(PlaceIndex, answers_as_brute_force_does_while_keyframes_come_and_go) {
   EXPECT_FALSE(index.remove(keyframe(0)));
 }
 
-TEST(PlaceIndex, breaks_ties_by_id_whatever_the_order_of_coming) {
+TEST(PlaceIndex, orders_equal_scores_by_id_whatever_the_order_of_coming) {
   const BagOfWords bag = {{3, 30000}, {9, 35000}};
   PlaceIndex rising(kWords), falling(kWords);
   for (std::uint32_t i = 0; i < 9; ++i) {

@@ -5,6 +5,7 @@ namespace mapweave::rawlog {
 namespace {
 
 using test::TemporaryFolder;
+using ::testing::HasSubstr;
 
 std::unique_ptr<Error> problem_of(const std::filesystem::path& folder) { return read_all(folder).error; }
 
@@ -47,6 +48,24 @@ TEST(CameraDamage, a_picture_cut_short_is_named) {
   }
 }
 
+TEST(CameraDamage, words_of_the_jpeg_library_come_with_the_name_of_the_picture) {
+  const TemporaryFolder folder;
+  const auto file = folder / "grey.jpg";
+  cv::Mat noise(96, 96, CV_8UC1);
+  cv::randu(noise, 0, 255);
+  write_picture(file, noise);
+  std::string bytes = bytes_of(file);
+  bytes.erase(bytes.size() / 2, bytes.size() / 4);  // its end mark stands
+  write_bytes(file, bytes);
+  mrpt::obs::CObservationImage observation;
+  observation.image.setExternalStorage(file.string());
+  testing::internal::CaptureStderr();
+  load_pictures(observation);
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_THAT(said, HasSubstr(file.string() + ": the picture is damaged (Corrupt JPEG data"));
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+}
+
 TEST(CameraDamage, a_picture_of_another_size_is_named_with_both_sizes) {
   const TemporaryFolder folder;
   make_tum(folder / "walk", 3);
@@ -85,6 +104,10 @@ TEST(CameraDamage, a_calibration_that_cannot_be_is_refused) {
   EXPECT_THAT(problem("fx: 30.5", "fx: nan"), IsError(ErrorCode::kBadInput, "camera.yaml:3: 'fx' is no number"));
   EXPECT_THAT(problem("fx: 30.5", "fx: -3"), IsError(ErrorCode::kBadInput, "focal lengths"));
   EXPECT_THAT(problem("width: 32", "width: 3e9"), IsError(ErrorCode::kBadInput, "size"));
+  EXPECT_THAT(problem("distortion:", "distorsion:"),
+              IsError(ErrorCode::kBadInput, "'distorsion' is there, but no 'distortion'"));
+  EXPECT_THAT(problem("depth_scale:", "depht_scale:"),
+              IsError(ErrorCode::kBadInput, "'depht_scale' is unknown; did you mean 'depth_scale'?"));
   EXPECT_THAT(problem("distortion: [0.26,", "distortion: [[1],"),
               IsError(ErrorCode::kBadInput, "'distortion' does not fit"));
   EXPECT_THAT(problem("cx: 15.5", "cx: ["), IsError(ErrorCode::kBadInput, "is no YAML"));

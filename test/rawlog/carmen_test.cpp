@@ -47,6 +47,27 @@ TEST(Carmen, reads_the_old_style) {
   EXPECT_FALSE(second_rear.getScanRangeValidity(2));  // inf
 }
 
+TEST(Carmen, counts_the_damaged_lines_that_it_leaves_out) {
+  const TemporaryFolder folder;
+  std::ofstream file(folder / "a.log", std::ios::binary);
+  file << "# a comment\nSYNC 3\n" << flaser({1, 2, 3}, 100.0) << std::string("FLA\0ER 3 1 2 3\n", 15);
+  file << flaser({1, 2, 3}, 101.0) << "\xfe\x01\x02 rest\n\x80\n";
+  file.close();
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(kinds(read_all(folder / "a.log").records), "ss");
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_THAT(said, HasSubstr("a.log:4: the first of 3 lines that are damaged and are left out"));
+}
+
+TEST(Carmen, says_all_of_what_is_wrong_with_a_number_that_begins_with_nul) {
+  const TemporaryFolder folder;
+  const std::string line = std::string("FLASER 1 ") + '\0' + "2.5 0 0 0 0 0 0 1 h 1\n";
+  const auto reading = read_all(write_bytes(folder / "a.log", line));
+  ASSERT_TRUE(reading.error);
+  EXPECT_THAT(reading.error->what(), HasSubstr("'?2.5' is no number"));
+  EXPECT_THAT(reading.error->what(), HasSubstr("correct or remove the line"));
+}
+
 TEST(Carmen, reads_the_new_style) {
   const auto reading = read_all(own_data("carmen_new.log"));
   ASSERT_FALSE(reading.error) << reading.error->what();

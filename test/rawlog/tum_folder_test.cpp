@@ -1,5 +1,7 @@
 #include "camera_folders.h"
 
+#include <gmock/gmock.h>
+#include <mapweave/rawlog/contents.h>
 #include <mapweave/rawlog/depth_delay.h>
 
 namespace mapweave::rawlog {
@@ -97,6 +99,49 @@ TEST(TumFolder, stands_on_the_robot_as_its_calibration_says) {
   EXPECT_NEAR(pose.x(), 0.1, 1e-12);
   EXPECT_NEAR(pose.z(), 0.5, 1e-12);
   EXPECT_NEAR(std::abs(pose.yaw()) + std::abs(pose.pitch()) + std::abs(pose.roll()), 0.0, 1e-9);
+}
+
+// As downloaded, the data set has no calibration.
+TEST(TumFolder, of_freiburg_as_downloaded_has_the_data_sets_own_camera) {
+  const TemporaryFolder folder;
+  const auto walk = make_tum(folder / "rgbd_dataset_freiburg2_desk", 2);
+  std::filesystem::remove(walk / "camera.yaml");
+  for (const auto& entry : std::filesystem::directory_iterator(walk / "rgb"))
+    write_picture(entry.path(), picture(1, CV_8UC3, 640, 480));
+  for (const auto& entry : std::filesystem::directory_iterator(walk / "depth"))
+    write_picture(entry.path(), picture(1, CV_16UC1, 640, 480));
+  const auto reading = read_all(walk);
+  ASSERT_EQ(reading.error, nullptr) << reading.error->what();
+  const auto frames = of_class<Depth>(reading.records);
+  ASSERT_EQ(frames.size(), 2u);
+  EXPECT_EQ(depth_of(frames[0]).cameraParamsIntensity.fx(), 520.908620);
+  EXPECT_EQ(depth_of(frames[0]).cameraParamsIntensity.k3(), 0.917205);
+  EXPECT_FLOAT_EQ(depth_of(frames[0]).rangeUnits, 0.0002f);
+  std::filesystem::rename(walk, folder / "desk");
+  EXPECT_EQ(read_all(folder / "desk").error->code(), ErrorCode::kMissing);
+}
+
+TEST(TumFolder, without_distortion_has_none) {
+  const TemporaryFolder folder;
+  const auto walk = make_tum(folder / "walk", 2);
+  replace_text(walk / "camera.yaml", "distortion: [0.26, -0.95, -0.005, 0.0026, 1.16]\n", "");
+  const auto frames = of_class<Depth>(read_all(walk).records);
+  ASSERT_EQ(frames.size(), 2u);
+  EXPECT_EQ(depth_of(frames[0]).cameraParamsIntensity.distortion, mrpt::img::DistortionModel::none);
+}
+
+TEST(TumFolder, in_a_folder_is_named) {
+  const TemporaryFolder folder;
+  make_tum(folder / "unpacked/walk", 2);
+  EXPECT_THAT(std::string(read_all(folder / "unpacked").error->what()), testing::HasSubstr("did you mean"));
+}
+
+TEST(TruthFollowsCamera, in_folders_of_tum_and_kitti) {
+  const TemporaryFolder folder;
+  EXPECT_TRUE(truth_follows_camera(make_tum(folder / "tum", 2)));
+  EXPECT_TRUE(truth_follows_camera(make_kitti(folder / "kitti", 2)));
+  EXPECT_FALSE(truth_follows_camera(make_euroc(folder / "euroc", 2)));
+  EXPECT_FALSE(truth_follows_camera(folder.path()));
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/interrupt.h>
+#include <mapweave/mapdb/map_store.h>
 #include <nlohmann/json.hpp>
 
 #include <sys/resource.h>
@@ -114,10 +115,11 @@ TEST_F(BatchTest, leaves_the_files_of_the_contract) {
   for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json"})
     EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
   for (const char* map : {"robots/alpha", "robots/beta", "edges/north", "edges/south", "team"})
-    for (const char* file :
-         {"map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"})
+    for (const char* file : {"map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd"})
       EXPECT_TRUE(fs::exists(folder / "out" / map / file)) << map << "/" << file;
-  EXPECT_TRUE(fs::exists(folder / "out/team/trajectories")) << entries(folder / "out/team");
+  for (const char* trajectory : {"robots/alpha/trajectory.tum", "edges/south/trajectory.tum",
+                                 "team/trajectories/alpha.tum", "team/trajectories/beta.tum"})
+    EXPECT_TRUE(fs::exists(folder / "out" / trajectory)) << trajectory;
   ASSERT_EQ(report.robots.size(), 2u);
   EXPECT_EQ(report.robots[0].id, RobotId("alpha"));
   EXPECT_GT(report.robots[0].scans, 10u);
@@ -128,10 +130,12 @@ TEST_F(BatchTest, leaves_the_files_of_the_contract) {
 }
 
 TEST_F(BatchTest, leaves_the_same_bytes_for_any_number_of_threads_and_any_order_of_robots) {
+  configuration.team.frame = "alpha";
   run("one", 1);
   std::reverse(configuration.robots.begin(), configuration.robots.end());
   run("two", 2);
-  const json one = parsed(folder / "one/manifest.json"), two = parsed(folder / "two/manifest.json");
+  json one = parsed(folder / "one/manifest.json"), two = parsed(folder / "two/manifest.json");
+  for (json* manifest : {&one, &two}) (*manifest)["outputs"].erase("config.yaml");  // robots as they were listed
   EXPECT_EQ(one["outputs"], two["outputs"]);
   EXPECT_GT(one["outputs"].size(), 30u);
   EXPECT_EQ(one["inputs"], two["inputs"]);
@@ -148,8 +152,8 @@ TEST_F(BatchTest, makes_the_same_maps_whoever_maps_and_joins) {
   configuration.mode = Mode::cloud_only;
   const Report by_cloud = run("cloud-only");
   for (const char* other : {"onboard", "cloud-only"})
-    for (const char* file :
-         {"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/map.pgm", "team/trajectory.tum"})
+    for (const char* file : {"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/map.pgm",
+                             "team/trajectories/beta.tum"})
       EXPECT_EQ(read_file(folder / "offload" / file), read_file(folder / other / file)) << other << " " << file;
   ASSERT_EQ(by_cloud.team.verdicts.size(), by_edges.team.verdicts.size());
   EXPECT_EQ(by_cloud.team.verdicts[0].decision, by_edges.team.verdicts[0].decision);
@@ -242,6 +246,75 @@ TEST_F(BatchTest, saves_robots_that_are_finished_when_interrupted) {
   EXPECT_EQ(parsed(folder / "out/summary.json")["interrupted"], true);
 }
 
+// Ends it once so many records of a log were read.
+class InterruptAfter : public Progress {
+ public:
+  explicit InterruptAfter(int records) : left_(records) {}
+  int begin(std::string_view, std::uint64_t, std::string_view) override { return 0; }
+  void advance(int, std::uint64_t) override {
+    if (left_-- == 0) request_interrupt();
+  }
+  void end(int) override {}
+  void say(std::string_view) override {}
+
+ private:
+  int left_;
+};
+
+TEST_F(BatchTest, slam_that_is_interrupted_saves_what_it_has_and_says_that_it_is_cut_short) {
+  configuration.robots.resize(1);
+  const RunPlan plan = make_plan(configuration, {});
+  WorkerPool pool(1);
+  const Report whole = run_slam(configuration, plan, {folder / "whole", false, false}, pool, *silent);
+  InterruptAfter interrupt(40);
+  const Report part = run_slam(configuration, plan, {folder / "part", false, false}, pool, interrupt);
+  EXPECT_EQ(part.exit_code(), ExitCode::interrupted);
+  EXPECT_GT(part.robots[0].scans, 5u);
+  EXPECT_LT(part.robots[0].scans, whole.robots[0].scans);
+  const json summary = parsed(folder / "part/summary.json");
+  EXPECT_EQ(summary["interrupted"], true);
+  EXPECT_EQ(summary["robots"][0]["cut_short"], true);
+  EXPECT_EQ(parsed(folder / "part/manifest.json")["interrupted"], true);
+  EXPECT_FALSE(parsed(folder / "whole/manifest.json").contains("interrupted"));
+  EXPECT_TRUE(fs::exists(folder / "part/map.pgm"));
+  EXPECT_THAT(in_words(part, "part"), HasSubstr("robot alpha: its log is cut short by an interruption after "));
+  EXPECT_EQ(mapdb::read_store(folder / "part/map.mwdb").maps.front().nodes.empty(), false);
+  EXPECT_TRUE(mapdb::summarize_store(folder / "part/map.mwdb").metadata.count("cut_short"));
+}
+
+TEST_F(BatchTest, slam_that_is_interrupted_before_it_has_anything_writes_nothing) {
+  configuration.robots.resize(1);
+  InterruptAt interrupt("robot alpha");
+  WorkerPool pool(1);
+  EXPECT_THROW(run_slam(configuration, make_plan(configuration, {}), {folder / "out", false, false}, pool, interrupt),
+               Interrupted);
+  EXPECT_EQ(entries(folder.path()), "");
+}
+
+TEST_F(BatchTest, what_is_interrupted_replaces_no_whole_result_but_stands_beside_it) {
+  configuration.robots.resize(1);
+  const RunPlan plan = make_plan(configuration, {});
+  WorkerPool pool(1);
+  run_slam(configuration, plan, {folder / "out", false, false}, pool, *silent);
+  const std::string manifest = read_file(folder / "out/manifest.json");
+  for (const char* beside : {"out.interrupted", "out.interrupted-2"}) {
+    InterruptAfter interrupt(40);
+    const Report part = run_slam(configuration, plan, {folder / "out", true, false}, pool, interrupt);
+    EXPECT_EQ(part.exit_code(), ExitCode::interrupted);
+    EXPECT_EQ(read_file(folder / "out/manifest.json"), manifest);
+    EXPECT_TRUE(fs::exists(folder / beside / "map.mwdb"));
+    EXPECT_THAT(in_words(part, "out"), HasSubstr("results: " + (folder / beside).string()));
+  }
+  EXPECT_EQ(entries(folder.path()), "out out.interrupted out.interrupted-2 ");
+  // A part gives way to another part, and to the whole.
+  InterruptAfter interrupt(40);
+  run_slam(configuration, plan, {folder / "out.interrupted", true, false}, pool, interrupt);
+  run_slam(configuration, plan, {folder / "out.interrupted-2", true, false}, pool, *silent);
+  EXPECT_EQ(entries(folder.path()), "out out.interrupted out.interrupted-2 ");
+  EXPECT_EQ(parsed(folder / "out.interrupted/manifest.json")["interrupted"], true);
+  EXPECT_FALSE(parsed(folder / "out.interrupted-2/manifest.json").contains("interrupted"));
+}
+
 TEST_F(BatchTest, writes_nothing_when_interrupted_before_anything_is_finished) {
   InterruptAt interrupt("robot alpha");
   try {
@@ -299,9 +372,9 @@ TEST_F(BatchTest, slam_leaves_the_files_of_the_contract_in_one_folder) {
   const Report report =
       run_slam(configuration, make_plan(configuration, {}), {folder / "out", false, false}, pool, *silent);
   EXPECT_EQ(report.exit_code(), ExitCode::done);
-  EXPECT_EQ(
-      entries(folder / "out"),
-      "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml summary.json trajectory.tum ");
+  EXPECT_EQ(entries(folder / "out"),
+            "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml report.html "
+            "summary.json trajectory.tum ");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <mapweave/core/files.h>
+#include <mapweave/core/interrupt.h>
 #include <mapweave/mapdb/map_store.h>
 #include <nlohmann/json.hpp>
 
@@ -40,9 +41,10 @@ struct MergeTest : testing::Test {
 };
 
 TEST_F(MergeTest, joins_robots_maps_as_the_run_did_whatever_their_order) {
+  configuration.team.frame = "alpha";  // the first one of the run
   merge({results() / "robots/beta/map.mwdb", results() / "robots/alpha/map.mwdb"});
   for (const char* file :
-       {"team/map.png", "team/map.pcd", "team/trajectory.tum", "robots/alpha/map.png", "robots/beta/map.png"})
+       {"team/map.png", "team/map.pcd", "team/trajectories/beta.tum", "robots/alpha/map.png", "robots/beta/map.png"})
     EXPECT_EQ(read_file(folder / "out" / file), read_file(results() / file)) << file;
   for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json", "team/map.mwdb"})
     EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
@@ -59,7 +61,7 @@ TEST_F(MergeTest, that_would_show_walls_twice_is_taken_apart_with_places_a_pictu
   }
   const Report report = merge({paths[0], paths[1]});
   EXPECT_EQ(report.exit_code(), ExitCode::stayed_apart);
-  EXPECT_TRUE(fs::exists(folder / "out/team/conflicts.png"));
+  EXPECT_TRUE(fs::exists(folder / "out/team-1/conflicts.png"));
   const auto merges = nlohmann::json::parse(read_file(folder / "out/merges.json"));
   ASSERT_EQ(merges.size(), 1U);
   EXPECT_EQ(merges[0]["reason"], "contradiction");
@@ -72,7 +74,7 @@ TEST_F(MergeTest, that_would_show_walls_twice_is_taken_apart_with_places_a_pictu
   EXPECT_THAT(text, HasSubstr("in the map of robot0 (conflicts.png)"));
   // Nothing is in doubt without it.
   EXPECT_EQ(merge({paths[0], paths[2]}, "two").exit_code(), ExitCode::done);
-  EXPECT_FALSE(fs::exists(folder / "two/team/conflicts.png"));
+  EXPECT_FALSE(fs::exists(folder / "two/team-1/conflicts.png"));
 }
 
 TEST_F(MergeTest, takes_a_grid_among_the_maps) {
@@ -96,6 +98,41 @@ TEST_F(MergeTest, calls_maps_by_their_folders_and_says_so) {
 TEST_F(MergeTest, takes_a_team_map_among_the_maps) {
   const Report report = merge({results() / "team/map.mwdb"});
   EXPECT_EQ(report.team.components.size(), 1u);
+  EXPECT_TRUE(fs::exists(folder / "out/team/map.png"));
+}
+
+TEST_F(MergeTest, that_is_interrupted_says_that_nothing_was_written_and_all_is_as_it_was) {
+  const fs::path made = results();
+  request_interrupt();
+  try {
+    merge({made / "robots/alpha/map.mwdb", made / "robots/beta/map.mwdb"});
+    FAIL() << "did not end";
+  } catch (const Interrupted& interrupted) {
+    EXPECT_THAT(interrupted.message(), testing::AllOf(HasSubstr("while 2 maps were compared: nothing was written"),
+                                                      HasSubstr("as they were")));
+  }
+  clear_interrupt();
+  EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
+TEST_F(MergeTest, that_is_interrupted_late_saves_what_was_found_until_then) {
+  class InterruptAtDeciding : public Progress {
+   public:
+    int begin(std::string_view task, std::uint64_t, std::string_view) override {
+      if (task == "deciding") request_interrupt();
+      return 0;
+    }
+    void advance(int, std::uint64_t) override {}
+    void end(int) override {}
+    void say(std::string_view) override {}
+  };
+  const fs::path made = results();
+  InterruptAtDeciding interrupting;
+  const Report report = run_merge(configuration, {made / "robots/alpha/map.mwdb", made / "robots/beta/map.mwdb"},
+                                  {folder / "out", false}, pool, interrupting);
+  EXPECT_FALSE(interrupted()) << "the interruption was taken";
+  EXPECT_EQ(report.exit_code(), ExitCode::interrupted);
+  EXPECT_THAT(report.notes, testing::Contains(HasSubstr("merge again to compare the rest")));
   EXPECT_TRUE(fs::exists(folder / "out/team/map.png"));
 }
 

@@ -69,7 +69,7 @@ TEST_F(PlanTest, refuses_wires_of_nobody_and_traces_that_are_not_there) {
   EXPECT_THAT(complaint(), HasSubstr("did you mean 'alpha'?"));
   configuration.network.links[0].from = "alpha";
   configuration.network.links[0].to = "beta";
-  EXPECT_THAT(complaint(), HasSubstr("a wire of 'beta'"));
+  EXPECT_THAT(complaint(), HasSubstr("unknown robot or edge 'beta'; the configuration has: "));
   configuration.network.links[0].to = "cloud";
   EXPECT_EQ(complaint(), "none");
   configuration.network.edge_cloud.trace = "nothing.csv";
@@ -228,10 +228,10 @@ TEST_F(PlanTest, refuses_edges_that_cannot_be) {
   EXPECT_THAT(complaint(), HasSubstr("goes before it comes"));
   configuration.edges[0].until_s = 0.0;
   configuration.cloud.at = "cloud";
-  EXPECT_THAT(complaint(), HasSubstr("an edge 'cloud', which there is not"));
+  EXPECT_THAT(complaint(), HasSubstr("unknown edge 'cloud'; the configuration has: north"));
   configuration.cloud.at = "north";
   configuration.cloud.push_to = {"alpha", "delta"};
-  EXPECT_THAT(complaint(), HasSubstr("a robot 'delta'"));
+  EXPECT_THAT(complaint(), HasSubstr("unknown robot 'delta'; the configuration has: alpha, "));
   configuration.cloud.push_to = {"alpha"};
   EXPECT_EQ(complaint(), "none");
   configuration.edges.push_back({"south"});

@@ -28,7 +28,7 @@ class Interruption(support.Scenario):
         helpers = [pid for pid, name in children(process.pid) if name == "mrpt_mapper"]
         process.send_signal(sign)
         began = time.monotonic()
-        _, said = process.communicate(timeout=60 * support.PATIENCE)
+        said = "".join(process.communicate(timeout=60 * support.PATIENCE))
         self.assertLess(time.monotonic() - began, 20 * support.PATIENCE, "an interruption is heeded soon")
         for pid in helpers:
             self.assertFalse(pathlib.Path(f"/proc/{pid}").exists() and self.is_running(pid), "a helper outlived the program")
@@ -62,6 +62,8 @@ class Interruption(support.Scenario):
                 if code == INTERRUPTED:
                     self.assertIn("interrupt", said.lower())
                 self.assert_whole_or_absent(f"out{i}")
+                if (self.folder / f"out{i}").exists():
+                    self.assertEqual("interrupted" in self.read_json(f"out{i}/manifest.json"), code == INTERRUPTED)
                 codes.append(code)
         self.assertIn(INTERRUPTED, codes)
 
@@ -77,6 +79,27 @@ class Interruption(support.Scenario):
         self.assertEqual(code, INTERRUPTED, said)
         self.assert_whole_or_absent("out")
         self.assertTrue((self.folder / "out/robots/a_quick/map.pgm").exists())
+
+    def test_ctrl_c_threw_away_all_that_slam_had_or_a_whole_old_result(self):
+        log = support.need(support.SIMULATED_BUILDING)
+        self.write("room.log", "\n".join(support.room_lines(30)) + "\n")
+        self.mapweave("slam", "room.log", "--out", "out")
+        old = (self.folder / "out/manifest.json").read_text()
+        for delay in (0.4, 0.8, 1.6, 3.2):   # until the log is read, but not to its end
+            process = self.start("slam", log, "--out", "out", "--force")
+            process.stderr.readline()
+            code, said = self.interrupt(process, delay * support.PATIENCE)
+            if code == DONE:
+                self.skipTest("this machine maps the log faster than it is interrupted")
+            self.assertEqual(code, INTERRUPTED, said)
+            self.assertEqual((self.folder / "out/manifest.json").read_text(), old)
+            if (self.folder / "out.interrupted").exists():
+                break
+        self.assert_whole_or_absent("out.interrupted")
+        self.assertTrue(self.read_json("out.interrupted/manifest.json")["interrupted"])
+        summary = self.read_json("out.interrupted/summary.json")
+        self.assertGreater(summary["robots"][0]["scans"], 0)
+        self.assertTrue(any("cut short" in note for note in summary["notes"]), summary["notes"])
 
     def test_a_terminal_that_goes_away_leaves_nothing_half_written(self):
         if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:

@@ -77,6 +77,7 @@ class FullDisk(support.Scenario):
                         continue
                     self.assertEqual(done.returncode, CANNOT_WRITE, done.stderr)
                     self.assert_says(done, "small/out")
+                    self.assertNotIn(".partial-", done.stderr)
                     self.assertRegex(done.stderr.lower(), "space|full")
                     self.assertEqual(left, [])
 

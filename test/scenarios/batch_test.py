@@ -73,6 +73,84 @@ class Batch(support.Scenario):
         self.batch()
         self.assertEqual(self.calls(), calls, "nothing is mapped twice")
 
+    def test_folders_of_pictures_are_robots(self):
+        self.job("walk/rgb.txt")
+        self.job("walk/rgb/1.png")
+        self.job("walk/notes.log")
+        self.job("team/one/times.txt")
+        self.job("team/one/image_0/000000.png")
+        self.job("team/two/mav0/cam0/data.csv")
+        self.job("team/three.rawlog")
+        self.batch()
+        self.assertEqual(self.files("failed"), [])
+        walk, team = self.calls().split("run working/walk")[1].split("run working/team")[0], self.calls().split("run working/team")[1].split("run working/walk")[0]
+        self.assertIn('{id: "walk", log: "' + str(self.home.resolve()) + '/working/walk"}', walk)
+        self.assertEqual(walk.count("{id: "), 1, "what lies in a folder of pictures is no log of its own")
+        for robot in ('{id: "one", log: ', '{id: "two", log: ', '{id: "three", log: '):
+            self.assertIn(robot, team)
+        self.assertEqual(team.count("{id: "), 3)
+
+    def test_a_rawlog_is_mapped_with_the_pictures_of_its_cameras(self):
+        self.job("alpha_Images/left_1.png")
+        self.batch()
+        self.assertEqual(self.calls(), "", "they wait for their log")
+        self.assertIn("arriving  ", self.status())
+        self.job("alpha.rawlog")
+        self.batch()
+        self.assertEqual(self.files("done"), ["alpha/alpha.rawlog", "alpha/alpha_Images/left_1.png"])
+        self.assertEqual(self.files("inbox"), [])
+        self.assertIn('{id: "alpha", log: "' + str(self.home.resolve()) + '/working/alpha/alpha.rawlog"}', self.calls())
+
+    def status(self):
+        done = subprocess.run([SCRIPT, "--status", self.home], env=self.environment(PROGRAM="/nowhere"), text=True, capture_output=True, check=False)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return done.stdout
+
+    def test_what_waits_and_what_failed_is_seen_at_a_glance(self):
+        self.assertIn("waiting 0, arriving 0, working 0, done 0, failed 0; no batch is at work", self.status())
+        self.job("bad.rawlog")
+        self.job("good.rawlog")
+        self.job("apart.rawlog")
+        self.batch()
+        self.job("next.rawlog")
+        self.job("half.rawlog.part")
+        status = self.status()
+        self.assertIn("waiting 1, arriving 1, working 0, done 2, failed 1; no batch is at work", status)
+        self.assertRegex(status, r"failed .* bad.rawlog .*at byte 7: cut short")
+        self.assertRegex(status, r"done .* good.rawlog")
+        self.job("slow.rawlog")
+        (self.home / "inbox/next.rawlog").unlink()
+        self.start_batch()
+        self.assertIn("working 1, done 2, failed 1; a batch is at work", self.status())
+
+    def test_prometheus_reads_how_many_jobs_there_are(self):
+        self.job("bad.rawlog")
+        self.job("good.rawlog")
+        self.job("half.rawlog.part")
+        before = int(time.time())
+        self.batch()
+        lines = (self.home / "metrics.prom").read_text().splitlines()
+        for line in lines:
+            self.assertRegex(line, r'^(# (HELP|TYPE) mapweave_batch_\w+ .+|mapweave_batch_\w+(\{state="[a-z]+"\})? [0-9.]+)$')
+        values = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
+        for state, count in (("arriving", 1), ("waiting", 0), ("working", 0), ("done", 1), ("failed", 1)):
+            self.assertEqual(values[f'mapweave_batch_jobs{{state="{state}"}}'], str(count), state)
+        for name in ("last_look", "last_done", "last_failed"):
+            self.assertGreaterEqual(int(values[f"mapweave_batch_{name}_timestamp_seconds"]), before, name)
+
+    def test_the_page_of_all_jobs_takes_no_name_for_markup(self):
+        self.job("<b>&\"x' ü%2.rawlog")
+        self.job("bad <script>.rawlog")
+        self.batch()
+        page = (self.home / "index.html").read_text()
+        self.assertIn("<p>0 waiting, 0 arriving, 0 working, 1 done, 1 failed.</p>", page)
+        self.assertIn("&lt;b&gt;&amp;&quot;x' ü%2.rawlog", page)
+        self.assertIn('href="results/%3Cb%3E%26%22x%27%20%C3%BC%252.rawlog/report.html"', page)
+        self.assertIn('href="failed/bad%20%3Cscript%3E.rawlog.txt"', page)
+        self.assertIn("at byte 7: cut short", page)
+        self.assertNotIn("<script>", page)
+        self.assertEqual([path.name for path in self.home.glob(".*.tmp")], [])
+
     def test_a_team_may_bring_its_own_configuration(self):
         self.job("team/run.yaml", b"robots: [{id: mine, log: x.rawlog}]\n")
         self.job("team/x.rawlog")
@@ -187,6 +265,7 @@ class Batch(support.Scenario):
         self.job("room.log", ("\n".join(support.room_lines(30)) + "\n").encode())
         self.job("cut.rawlog", support.need(support.MALAGA).read_bytes()[:5000])
         self.batch(PROGRAM=str(support.PROGRAM))
+        self.assertRegex(self.status(), r"done .* room.log +[0-9.]+ s")
         self.assertEqual(self.files("done"), ["room.log"])
         self.assertIn("team/map.png", "\n".join(self.files("results/room.log")))
         self.assertIn("cut.rawlog", (self.home / "failed/cut.rawlog.txt").read_text())

@@ -92,7 +92,7 @@ class Cameras(support.Scenario):
         self.assertEqual(len(robot), len({row[0] for trajectory in trajectories for row in poses(trajectory)}))
         # Without depth, but with wheels.
         self.assertLess(self.error(self.folder / "all/trajectory.tum", world / "alpha.truth.tum"), 0.1)
-        self.assertGreater(summary["robots"][0]["rig"]["ties"], 10)
+        self.assertGreater(summary["robots"][0]["rig"]["extrinsic_constraints"], 10)
 
     def test_cameras_of_all_kinds_share_the_robots_map(self):
         world = self.world
@@ -115,7 +115,7 @@ class Cameras(support.Scenario):
         self.mapweave("convert", folder, "alpha_rgbd.rawlog")
         for threads, log, out in ((1, folder, "a"), (2, "alpha_rgbd.rawlog", "b")):
             self.mapweave("slam", log, "--threads", threads, "--out", out)
-        for name in ("trajectory.tum", "keyframes.tum", "map.pcd"):
+        for name in ("trajectory.robot.tum", "trajectory.optical.tum", "map.pcd"):
             self.assertEqual((self.folder / "a" / name).read_bytes(), (self.folder / "b" / name).read_bytes(), name)
 
     def test_folders_are_robots_logs_in_a_run(self):

@@ -8,8 +8,8 @@ import struct
 import support
 from support import APART, BAD_INPUT, CANNOT_WRITE, DONE, GATE_FAILED, USAGE
 
-VERBS = ("run", "slam", "merge", "split", "convert", "simulate", "inspect", "export", "evaluate", "explain", "plan", "profile", "config", "vocabulary")
-ONE_MAP = {"config.yaml", "manifest.json", "summary.json", "map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"}
+VERBS = ("run", "slam", "merge", "split", "convert", "simulate", "inspect", "export", "evaluate", "explain", "report", "plan", "profile", "timeline", "config", "vocabulary")
+ONE_MAP = {"config.yaml", "report.html", "manifest.json", "summary.json", "map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"}
 OF_A_FOLDER = {name for name in ONE_MAP if name.startswith("map.")} | {"trajectory.tum"}
 
 
@@ -198,8 +198,9 @@ class Team(support.Scenario):
         self.assertLessEqual({"config.yaml", "manifest.json", "summary.json", "merges.json", "robots", "edges", "team"}, names(out))
         self.assertEqual(names(out / "robots"), {"alpha", "beta"})
         self.assertEqual(names(out / "edges"), {"north", "south"})
-        for folder in (out / "robots/alpha", out / "robots/beta", out / "edges/north", out / "edges/south", out / "team"):
+        for folder in (out / "robots/alpha", out / "robots/beta", out / "edges/north", out / "edges/south"):
             self.assertLessEqual(OF_A_FOLDER, names(folder))
+        self.assertLessEqual(OF_A_FOLDER - {"trajectory.tum"} | {"trajectories"}, names(out / "team"))
         self.assertEqual({robot["id"] for robot in summary["robots"]}, {"alpha", "beta"})
         components = summary["team"]["components"]
         self.assertEqual(done.returncode, DONE if components == 1 else APART)

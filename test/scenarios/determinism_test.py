@@ -2,6 +2,7 @@
 import hashlib
 import json
 import pathlib
+import re
 
 import support
 from support import APART, DONE
@@ -28,7 +29,9 @@ def without(data, keys):
 TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes", "load", "total_seconds", "algorithm_seconds", "came_seconds",
          *(f"{work}_cpu_seconds" for work in ("packing", "mapping", "seeing", "fusing", "repeated", "judging", "planning")),
          *(f"{done}_seconds" for done in ("packed", "arrived", "mapped", "ready", "fused", "judged"))}
+PAGE = re.compile(rb'<script type="application/json" id="run">(.*?)</script>', re.DOTALL)
 WITHOUT_TIMES = {
+    "report.html": lambda data: (PAGE.sub(b"", data), without(json.loads(PAGE.search(data).group(1)), TIMES | {"tracking_mean_ms", "options"})),   # options: robots as they were listed
     "summary.json": lambda data: without(json.loads(data), TIMES),
     "merges.json": lambda data: without(json.loads(data), TIMES),
     "manifest.json": lambda data: without(json.loads(data), {"outputs_with_times"}),
@@ -48,20 +51,26 @@ class Determinism(support.Scenario):
         return sealed(self.folder / name)
 
     def assert_same(self, one, other):
+        for files in (one, other):
+            files.pop("config.yaml", None)   # as options
+            files.get("manifest.json", {}).get("outputs", {}).pop("config.yaml", None)
         self.assertEqual(list(one), list(other))
         self.assertEqual([name for name in one if one[name] != other[name]], [])
 
     def test_coordinators_decide_the_same(self):
         flags = ("--set", "coordinator.method=default", "--set", "coordinator.overlap_period_s=10",
                  "--set", "edges=[{id: north, until_s: 25}, {id: south}]")
+        flags += ("--set", "team.frame=alpha")
         first = self.run_team("first", self.robots, "--threads", "1", *flags)
         self.assertGreater(len(first["summary.json"]["coordinator"]["decisions"]), 2)
         self.assert_same(first, self.run_team("second", self.robots[::-1], "--threads", "2", *flags))
 
     def test_threads_time_and_order_of_robots_change_no_byte(self):
-        first = self.run_team("first", self.robots, "--threads", "1")
+        # Who is listed first gives the frame, unless it is said.
+        frame = ("--set", "team.frame=alpha")
+        first = self.run_team("first", self.robots, "--threads", "1", *frame)
         self.assertGreater(len(first), 30)
-        self.assert_same(first, self.run_team("second", self.robots[::-1], "--threads", "2"))
+        self.assert_same(first, self.run_team("second", self.robots[::-1], "--threads", "2", *frame))
         manifest = self.read_json("first/manifest.json")
         for name, checksum in {**manifest["outputs"], **manifest["outputs_with_times"]}.items():
             self.assertEqual(hashlib.sha256((self.folder / "first" / name).read_bytes()).hexdigest(), checksum, name)

@@ -82,6 +82,7 @@ output.pgm false
 output.pcd false
 output.tum false
 output.g2o true
+output.report false
 output.picture.least_width_px 3000
 output.picture.common_side_px 500
 output.picture.most_side_px 500; compose.resolution_m=0.01
@@ -195,6 +196,7 @@ reading.max_range_m 3
 robots.0.id gamma
 robots.0.log {written}/room.log
 robots.0.edge edge1
+robots.0.edges [edge0, edge1]; robots.0.edge=""
 robots.0.start.x_m 3; robots.0.start.sigma_m=0.3 robots.1.start.sigma_m=0.3
 robots.0.start.y_m 3; robots.0.start.sigma_m=0.3 robots.1.start.sigma_m=0.3
 robots.0.start.yaw_rad 2; robots.0.start.sigma_m=0.3 robots.1.start.sigma_m=0.3
@@ -207,6 +209,7 @@ cloud.at edge0; network.edge_cloud.delay_s=36000
 cloud.push_to [alpha]
 cloud.edges_judge false
 mode cloud-only
+team.frame beta
 coordinator.method greedy
 """,
     "merged": """

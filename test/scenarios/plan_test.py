@@ -37,6 +37,19 @@ class Plan(support.Scenario):
                 self.assertAlmostEqual(plan_json["cut_weight"], cut, 9)
                 self.assertLessEqual(plan_json["lower_bound_seconds"], plan_json["predicted_seconds"])
 
+    def test_a_run_that_is_there_had_to_be_copied_into_a_problem_by_hand(self):
+        self.mapweave("split", support.need(support.MALAGA), "--robots", "2", "--out", "logs")
+        config = self.configuration([("alpha", "logs/robot0.rawlog", "north"), ("beta", "logs/robot1.rawlog", "south")])
+        self.mapweave("run", config, "--set", "network.robot_edge.profile=wifi", "--set", "edges=[{id: north}, {id: south, capacity: 1}]", "--out", "team")
+        plan_json = json.loads(self.mapweave("plan", "team", "--json").stdout)
+        self.assertEqual(sorted(plan_json["placement"]), ["alpha", "beta"])
+        self.assertEqual(set(plan_json["placement"].values()), {"north", "south"}, "south takes one robot")
+        overlaps = self.read_json("team/summary.json")["timeline"]["overlaps"]
+        self.assertGreater(overlaps[0][2], 0.0)
+        self.assertAlmostEqual(plan_json["cut_weight"], overlaps[0][2], 6)
+        done = self.mapweave("plan", "logs", code=BAD_INPUT)
+        self.assert_says(done, "summary.json")
+
     def test_metis_groups_where_the_program_has_it(self):
         done = self.plan(problem(), "--method", "metis", "--json", code=(0, BAD_INPUT))
         if done.returncode == BAD_INPUT:

@@ -85,7 +85,7 @@ TEST(Coordinator, leaves_where_it_is_what_a_robot_sensed_that_goes) {
   EXPECT_EQ(coordinator.edge_of(), before);
 }
 
-TEST(Coordinator, decides_anew_where_an_edge_becomes_otherwise) {
+TEST(Coordinator, decides_anew_where_an_edge_changes) {
   Coordinator coordinator = two_corridors();
   coordinator.decide(0.0);
   coordinator.receive(edge("north"));
@@ -96,13 +96,16 @@ TEST(Coordinator, decides_anew_where_an_edge_becomes_otherwise) {
     coordinator.receive(north);
     const auto decision = coordinator.decide(now_s++);
     ASSERT_TRUE(decision) << what;
-    EXPECT_THAT(decision->because, ElementsAre("edge north is otherwise")) << what;
+    EXPECT_THAT(decision->because, ElementsAre(std::string("edge north changed: ") + what)) << what;
     EXPECT_GT(decision->expected_s, before_s) << what;
     before_s = decision->expected_s;
   };
-  change((north.bytes_per_s = 1e5, "bandwidth"));
-  change((north.speed = 0.1, "speed"));
-  change((north.delay_s = 9.0, "delay"));
+  north.bytes_per_s = 1e5;
+  change("bandwidth 1e+06 -> 100000 bytes/s");
+  north.speed = 0.1;
+  change("speed 1 -> 0.1");
+  north.delay_s = 9.0;
+  change("delay default -> 9 s");
 }
 
 TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
@@ -168,7 +171,7 @@ TEST(Coordinator, moves_a_robot_whose_wire_became_slow) {
   coordinator.receive(LinkIs{RobotId("a"), before, 1e3, 0.01});
   const auto decision = coordinator.decide(2.0);
   ASSERT_TRUE(decision);
-  EXPECT_THAT(decision->because, ElementsAre(HasSubstr("the wire from a to " + before.str())));
+  EXPECT_THAT(decision->because, ElementsAre("link from a to " + before.str() + " changed"));
   EXPECT_NE(at(coordinator, "a"), before);
   EXPECT_LT(decision->expected_s, decision->staying_s);
 }

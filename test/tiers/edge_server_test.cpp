@@ -46,6 +46,25 @@ TEST_F(EdgeTest, fuses_when_the_last_robot_has_ended_whatever_the_order) {
               encode(difference(Map{}, other.result().components[i].map)));
 }
 
+TEST_F(EdgeTest, takes_the_maps_of_a_robot_that_maps_on_board_as_bytes) {
+  const Map alpha = test::make_map("alpha", 4), beta = test::make_map("beta", 5, 900.0);
+  end("alpha", alpha);
+  const auto effects = end("beta", beta);
+  EdgeServer other(kEdge, {RobotId("alpha"), RobotId("beta")}, {});
+  other.step({RobotId("alpha"), alpha, std::nullopt}, pool, *progress);
+  const RobotUpdates sent{RobotId("beta"), {first_update(beta, TierId("beta"))}};
+  EXPECT_EQ(other.step(sent, pool, *progress).for_cloud, effects.for_cloud);
+  EXPECT_EQ(content_hash(*other.maps().find(MapId("beta"))), content_hash(beta));
+}
+
+TEST_F(EdgeTest, refuses_damaged_bytes_of_a_robot_and_awaits_it_still) {
+  std::string bytes = first_update(test::make_map("beta", 5), TierId("beta"));
+  bytes.resize(bytes.size() / 2);
+  EXPECT_THROW(edge.step(RobotUpdates{RobotId("beta"), {bytes}}, pool, *progress), Error);
+  end("alpha", std::nullopt);
+  EXPECT_TRUE(end("beta", test::make_map("beta", 5)).fused);
+}
+
 TEST_F(EdgeTest, goes_on_with_the_others_when_a_robot_leaves_no_map) {
   end("alpha", std::nullopt);
   const auto effects = end("beta", test::make_map("beta", 5));

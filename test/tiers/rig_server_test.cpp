@@ -23,7 +23,7 @@ simulation::WorldOptions two_cameras(double yaw_deg, double length_m) {
   return options;
 }
 
-rig::RigOptions without_ties() {
+rig::RigOptions without_rigs() {
   rig::RigOptions rig;
   rig.enabled = false;
   return rig;
@@ -76,7 +76,7 @@ FeatureTeam& back_to_back() {
   return *team;
 }
 
-TEST(RigServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
+TEST(RigServer, merges_cameras_that_never_see_the_same_by_extrinsic_constraints_alone) {
   FeatureTeam team(two_cameras(180.0, 15.0), sharing(Sharing::none));
   team.robots[1].shoot = [see = team.robots[1].shoot](std::size_t number) {  // by another light
     FeatureTeam::Shot shot = see(number);
@@ -96,7 +96,7 @@ TEST(RigServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
     EXPECT_EQ(count_of(both, ConstraintKind::between_maps), 0U);
     EXPECT_LT(team.error_m(both), 0.03);
   }
-  EXPECT_EQ(sealed_again(team.server, without_ties()).components.size(), 2U);
+  EXPECT_EQ(sealed_again(team.server, without_rigs()).components.size(), 2U);
 }
 
 TEST(RigServer, shares_with_each_camera_what_other_cameras_of_its_rig_made) {
@@ -183,14 +183,14 @@ TEST(RigServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
   turned.agent.emplace(turned.place);
   team.run();
   const fusion::FusionResult sealed = sealed_again(team.server, {});
-  std::size_t ties = 0;
+  std::size_t extrinsic_constraints = 0;
   for (const auto& component : sealed.components)
     for (const auto& [id, constraint] : component.map.constraints) {
       if (id.kind != ConstraintKind::extrinsic) continue;
       EXPECT_EQ(id.from.session.client.robot, RobotId("beta"));
-      ++ties;
+      ++extrinsic_constraints;
     }
-  EXPECT_GT(ties, 50U) << "another robot's cameras are tied";
+  EXPECT_GT(extrinsic_constraints, 50U) << "another robot's cameras are merged";
   EXPECT_THAT(team.server.notes(),
               testing::ElementsAre(testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg"))));
   for (const auto& component : sealed.components) EXPECT_LT(team.error_m(component), 0.05);
@@ -205,20 +205,22 @@ void make_strange(PlaceRequest& request) {
 
 TEST(RigServer, reports_to_a_lost_camera_where_its_rig_is) {
   std::map<bool, int> lost;
-  for (const bool tied : {false, true}) {
-    FeatureTeam team(two_cameras(60.0, 20.0), sharing(Sharing::view), {}, 1, tied ? rig::RigOptions() : without_ties());
+  for (const bool is_merged : {false, true}) {
+    FeatureTeam team(two_cameras(60.0, 20.0), sharing(Sharing::view), {}, 1,
+                     is_merged ? rig::RigOptions() : without_rigs());
     team.garbled = make_strange;
     auto& camera = team.robots[1];
     blind(camera, 15.0, 30.0);
     int at_sight = 0;
     while (team.round())
       if (camera.next <= 12 * 30) at_sight = camera.lost;
-    lost[tied] = camera.lost - at_sight;
+    lost[is_merged] = camera.lost - at_sight;
     std::printf("%s: answered %d times, placed %d times, lost for %d frames more, %zu sessions\n",
-                tied ? "tied" : "apart", camera.answered, camera.placed, lost[tied], camera.client->sessions().size());
-    EXPECT_EQ(camera.placed > 0, tied);
-    EXPECT_EQ(camera.client->sessions().size() == 1, tied) << "it goes on in its own map, or begins another one";
-    if (tied) {
+                is_merged ? "merged" : "apart", camera.answered, camera.placed, lost[is_merged],
+                camera.client->sessions().size());
+    EXPECT_EQ(camera.placed > 0, is_merged);
+    EXPECT_EQ(camera.client->sessions().size() == 1, is_merged) << "it goes on in its own map, or begins another one";
+    if (is_merged) {
       EXPECT_LT(camera.error_m(), 0.05);
     }
   }

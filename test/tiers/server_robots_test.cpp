@@ -197,10 +197,10 @@ TEST(ServerRobots, does_not_follow_one_of_three_that_errs) {
 }
 
 TEST(ServerRobots, receives_from_cameras_of_one_map_alone) {
-  rig::RigOptions without_ties;
-  without_ties.enabled = false;
+  rig::RigOptions without_rigs;
+  without_rigs.enabled = false;
   // By another light: nobody knows again what it sees.
-  Replay replay(without_ties, [](MapUpdate& update) {
+  Replay replay(without_rigs, [](MapUpdate& update) {
     for (Node& node : update.nodes) {
       KeyframeFeatures features = *keyframe_of(node);
       if (node.id.session.client.sensor == kAside)

@@ -28,7 +28,7 @@ Agreement agreement(const Image<float>& depths, const Pose3& pose, double share_
   return result;
 }
 
-CameraRig rig_of(double baseline_m) { return {room.camera, baseline_m, baseline_m == 0.0, {}}; }
+CameraRig rig_of(double baseline_m) { return {room.camera, baseline_m, baseline_m == 0.0, {}, {}}; }
 
 TEST(DepthPicture, of_a_depth_camera_is_its_own) {
   const Pose3 pose = test::standing(0.5, 0.2, 0.3);

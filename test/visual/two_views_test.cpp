@@ -1,7 +1,6 @@
 #include "mono/two_views.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/LU>
 #include <random>
 
 namespace mapweave::visual {
@@ -111,19 +110,15 @@ TEST(TwoViews, answers_alike_every_time) {
   EXPECT_EQ(one->points, other->points);
 }
 
-TEST(TwoViews, decomposes_essential_matrices_and_homographies) {
-  const View truth = motion_of(0.3, -0.1, 0.2, 0.2);
-  const Eigen::Vector3d t = truth.translation.normalized(), normal = Eigen::Vector3d(0.2, -0.1, -1.0).normalized();
-  Eigen::Matrix3d cross;
-  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-  const auto is_among = [&](const std::vector<View>& motions) {
-    return std::any_of(motions.begin(), motions.end(), [&](const View& motion) {
-      return motion.rotation.isApprox(truth.rotation, 1e-6) && motion.translation.isApprox(t, 1e-6);
-    });
-  };
-  EXPECT_TRUE(is_among(motions_of_essential(-2.0 * cross * truth.rotation)));
-  EXPECT_TRUE(is_among(motions_of_homography(1.7 * (truth.rotation + truth.translation * normal.transpose() / 3.0))));
-  EXPECT_TRUE(motions_of_homography(truth.rotation).empty());
+// Tracks that all stick to one thing, or to two.
+TEST(TwoViews, are_none_of_pairs_that_are_one_pair) {
+  std::vector<PixelPair> pairs(100, {{100.0, 120.0}, {110.0, 121.0}, 0.5});
+  EXPECT_FALSE(relate_views(pairs, camera, {}));
+  for (std::size_t i = 0; i < 50; ++i) pairs[i] = {{400.0, 300.0}, {404.0, 309.0}, 0.5};
+  EXPECT_FALSE(relate_views(pairs, camera, {}));
+  for (std::size_t i = 0; i < 100; ++i)
+    pairs[i] = {{6.0 * static_cast<double>(i), 50.0}, {6.0 * static_cast<double>(i) + 9.0, 50.0}, 0.5};
+  EXPECT_FALSE(relate_views(pairs, camera, {}));
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include <mapweave/core/exit_code.h>
 
+#include <algorithm>
+#include <string_view>
 #include <utility>
 
 namespace mapweave {
@@ -11,13 +13,27 @@ std::string message_of(const std::string& what, const std::string& where, const 
   return message;
 }
 
+// Results are built beside their goal, as NAME.partial-NUMBER (files.h): the reader knows the goal alone.
+std::string place_of(ErrorCode code, std::string path) {
+  if (code != ErrorCode::kCannotWrite) return path;
+  constexpr std::string_view kPartial = ".partial-";
+  for (std::size_t from = path.find(kPartial); from != std::string::npos; from = path.find(kPartial, from)) {
+    const std::size_t end = std::min(path.find_first_not_of("0123456789-", from + kPartial.size()), path.size());
+    if (end == from + kPartial.size())
+      from = end;
+    else
+      path.erase(from, end - from);
+  }
+  return path;
+}
+
 }  // namespace
 
 Error::Error(ErrorCode code, std::string what, std::string where, std::string remedy)
-    : std::runtime_error(message_of(what, where, remedy)),
+    : std::runtime_error(message_of(what, place_of(code, where), remedy)),
       code_(code),
       problem_(std::move(what)),
-      where_(std::move(where)),
+      where_(place_of(code, where)),
       remedy_(std::move(remedy)) {}
 
 ExitCode exit_code(ErrorCode code) {

@@ -1,6 +1,8 @@
 #include <fcntl.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
+#include <mapweave/core/interrupt.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -10,7 +12,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <fstream>
 #include <system_error>
 #include <utility>
 
@@ -20,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kPartial[] = ".partial-";
+constexpr int kWriterComes_ms = 1000;
 
 std::string text_of(int error_number) { return std::generic_category().message(error_number); }
 
@@ -72,7 +74,8 @@ bool is_empty_folder(const fs::path& path) { return fs::is_directory(path) && fs
 
 // Locked by the process that builds the folder. A folder without a lock whose maker is gone (or had our number: numbers
 // return after a restart of a container) is left over from a crash.
-void remove_stale_temporaries(const fs::path& goal) {
+// Where another process builds the folder, it is refused.
+void expect_alone(const fs::path& goal) {
   const std::string prefix = goal.filename().string() + kPartial;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder_of(goal), ignored)) {
@@ -84,31 +87,74 @@ void remove_stale_temporaries(const fs::path& goal) {
     const int process = std::stoi(digits);
     const bool gone = process == ::getpid() || (::kill(process, 0) != 0 && errno == ESRCH);
     const Descriptor lock(::open(entry.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (gone && lock && ::flock(lock.number(), LOCK_EX | LOCK_NB) == 0) fs::remove_all(entry.path(), ignored);
+    if (!lock) continue;
+    const bool is_free = ::flock(lock.number(), LOCK_EX | LOCK_NB) == 0;
+    if (gone && is_free) fs::remove_all(entry.path(), ignored);
+    if (!gone && !is_free && errno == EWOULDBLOCK)
+      throw Error(ErrorCode::kCannotWrite, "another run (process " + digits + ") is writing its results there",
+                  goal.string(), "wait for its end, or choose another folder");
   }
 }
 
 }  // namespace
 
+ReadableFile::ReadableFile(fs::path path) : path_(std::move(path)) {
+  const auto fail = [this](const std::string& what, const std::string& remedy) {
+    if (number_ >= 0) ::close(number_);
+    throw Error(ErrorCode::kMissing, what, path_.string(), remedy);
+  };
+  struct stat status {};
+  if (::stat(path_.c_str(), &status) != 0) fail("cannot be read: " + text_of(errno), "check the path");
+  if (S_ISDIR(status.st_mode)) fail("is a folder, not a file", "name the file in it");
+  bytes_ = static_cast<std::uint64_t>(status.st_size);
+  const bool is_pipe = S_ISFIFO(status.st_mode);
+  number_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC | (is_pipe ? O_NONBLOCK : 0));
+  if (number_ < 0) fail("cannot be read: " + text_of(errno), "check its permissions");
+  pollfd ready{number_, POLLIN, 0};
+  char first = 0;
+  if (!is_pipe || ::poll(&ready, 1, kWriterComes_ms) > 0) return;
+  // Nothing came. A pipe with a writer answers that nothing is there yet, one without any answers its end.
+  const ssize_t got = ::read(number_, &first, 1);
+  if (got == 0) fail("is a pipe that nobody writes to", "name a file, or begin the program that writes first");
+  if (got == 1) first_ = first;
+}
+
+ReadableFile::~ReadableFile() { ::close(number_); }
+
+std::size_t ReadableFile::read(char* to, std::size_t count) {
+  if (first_ && count > 0) {
+    *to = *std::exchange(first_, std::nullopt);
+    return 1;
+  }
+  for (;;) {
+    const ssize_t got = ::read(number_, to, count);
+    if (got >= 0) return static_cast<std::size_t>(got);
+    if (errno != EINTR && errno != EAGAIN)
+      throw Error(ErrorCode::kMissing, "reading stopped before the end of the file: " + text_of(errno), path_.string(),
+                  "check the disk");
+    pollfd ready{number_, POLLIN, 0};
+    if (errno == EAGAIN) ::poll(&ready, 1, kWriterComes_ms);
+    throw_if_interrupted();
+  }
+}
+
+bool ReadableFile::rewind() { return ::lseek(number_, 0, SEEK_SET) == 0; }
+
 std::string read_file(const fs::path& path, std::uint64_t most_bytes) {
-  std::error_code ignored;
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorCode::kMissing, "cannot be read: " + text_of(errno), path.string(), "check the path");
-  if (fs::is_directory(path, ignored)) throw Error(ErrorCode::kMissing, "is a folder, not a file", path.string());
+  ReadableFile file(path);
   std::string bytes;
   constexpr std::size_t kBlock = 1 << 16;
-  while (file) {
+  for (std::size_t got = 1; got > 0;) {
     const std::size_t before = bytes.size();
     bytes.resize(before + kBlock);
-    file.read(&bytes[before], kBlock);
-    bytes.resize(before + static_cast<std::size_t>(file.gcount()));
+    got = file.read(&bytes[before], kBlock);
+    bytes.resize(before + got);
     if (bytes.size() > most_bytes) {
       throw Error(ErrorCode::kBadInput,
                   "is larger than the " + std::to_string(most_bytes) + " bytes that such a file may have",
                   path.string());
     }
   }
-  if (file.bad()) throw Error(ErrorCode::kMissing, "reading stopped before the end of the file", path.string());
   return bytes;
 }
 
@@ -138,15 +184,16 @@ void write_file(const fs::path& path, std::string_view bytes) {
 }
 
 void expect_outside(const fs::path& out_folder, const std::vector<fs::path>& inputs) {
-  std::error_code ignored;
   const auto whole = [&](const fs::path& path) {
-    fs::path result = fs::weakly_canonical(fs::absolute(path, ignored), ignored);
+    std::error_code problem;
+    fs::path result = fs::weakly_canonical(fs::absolute(path, problem), problem);
+    if (problem && path == out_folder) throw_cannot_write(path, "cannot be written", problem.value());
     return result.has_filename() ? result : result.parent_path();
   };
   const fs::path folder = whole(out_folder);
   for (const fs::path& input : inputs) {
     const fs::path path = whole(input);
-    if (std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end())
+    if (!path.empty() && std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end())
       throw Error(ErrorCode::kUsage, "holds the input " + input.string() + ", which would be lost", out_folder.string(),
                   "choose another folder for the results");
   }
@@ -158,6 +205,9 @@ OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_nor
     if (!goal_.has_filename()) goal_ = goal_.parent_path();  // "out/"
     if (goal_.filename() == "." || goal_.filename() == ".." || fs::is_symlink(goal_))
       goal_ = fs::weakly_canonical(goal_);
+    if (fs::is_symlink(goal_))
+      throw Error(ErrorCode::kCannotWrite, "is a link to " + fs::read_symlink(goal_).string() + ", which is not there",
+                  goal_.string(), "make that folder, or choose another one");
     if (fs::exists(goal_) && !is_empty_folder(goal_)) {
       if (!fs::is_directory(goal_)) {
         throw Error(ErrorCode::kCannotWrite, "is a file; results go to a folder", goal_.string(),
@@ -174,7 +224,7 @@ OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_nor
     for (fs::path parent = folder_of(goal_); !fs::exists(parent); parent = folder_of(parent))
       made_parents_.push_back(parent);
     fs::create_directories(folder_of(goal_));
-    remove_stale_temporaries(goal_);
+    expect_alone(goal_);
   } catch (const fs::filesystem_error& error) {
     remove_made_parents();
     throw_cannot_write(goal_, "cannot be written", error.code().value());
@@ -203,6 +253,16 @@ void OutputFolder::remove_made_parents() {
   for (const auto& parent : made_parents_) ::rmdir(parent.c_str());  // innermost first; one that others use stays
 }
 
+bool OutputFolder::step_aside(const std::string& suffix) {
+  std::error_code ignored;
+  if (!fs::exists(goal_, ignored) || fs::is_empty(goal_, ignored)) return false;
+  fs::path beside = goal_.string() + suffix;
+  for (int number = 2; fs::exists(fs::symlink_status(beside, ignored)); ++number)
+    beside = goal_.string() + suffix + "-" + std::to_string(number);
+  goal_ = beside;
+  return true;
+}
+
 void OutputFolder::commit() {
   MAPWEAVE_EXPECT(!committed_, "an output folder is committed once");
   try {
@@ -212,7 +272,11 @@ void OutputFolder::commit() {
   }
   fs::path old;  // what was at the goal before
   if (::rename(staging_.c_str(), goal_.c_str()) != 0) {
-    if (!force_ || (errno != ENOTEMPTY && errno != EEXIST)) throw_cannot_write(goal_, "cannot be put in place", errno);
+    const bool is_taken = errno == ENOTEMPTY || errno == EEXIST;
+    if (is_taken && !force_)
+      throw Error(ErrorCode::kCannotWrite, "somebody else has put files there since this run began", goal_.string(),
+                  "choose another folder, or replace it with --force");
+    if (!is_taken) throw_cannot_write(goal_, "cannot be put in place", errno);
     old = staging_;
     if (::renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, goal_.c_str(), RENAME_EXCHANGE) != 0) {
       if (errno != EINVAL && errno != ENOSYS) throw_cannot_write(goal_, "cannot be replaced", errno);

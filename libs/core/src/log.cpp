@@ -49,6 +49,8 @@ void log(LogLevel level, std::string_view message) {
 
 void set_log_level(LogLevel lowest) { logger().set_level(spdlog_level(lowest)); }
 
+bool console::shows_progress() { return logger().should_log(spdlog::level::info); }
+
 LogLevel log_level_from_text(std::string_view text) {
   if (text == "debug") return LogLevel::debug;
   if (text == "info") return LogLevel::info;

@@ -95,6 +95,35 @@ struct Layer {
   }
 };
 
+// "did you mean 'compose.resolution_m' or 'laser.graph.resolution_m'?"
+std::string question(const std::vector<std::string>& keys, const Layer& layer) {
+  std::string text;
+  for (std::size_t i = 0; i < keys.size(); ++i)
+    text += (i == 0 ? "did you mean '" : i + 1 < keys.size() ? "', '" : "' or '") + layer.spelt(keys[i]);
+  return text + "'?";
+}
+
+// Keys whose last part is `name`, else `name` with a unit, else nearly `name`; those near the top first.
+std::vector<std::string> keys_named_alike(std::string_view name, const std::vector<std::string>& keys) {
+  constexpr std::size_t kMost = 3;
+  const std::string before_unit = std::string(name) + "_";
+  std::vector<std::string> last_names;
+  for (const std::string& key : keys) last_names.emplace_back(last_name(key));
+  const std::string nearest = nearest_name(name, last_names).value_or("");
+  std::vector<std::string> equal, with_unit, near;
+  for (const std::string& key : keys) {
+    const std::string_view last = last_name(key);
+    if (last == name) equal.push_back(key);
+    if (last.substr(0, before_unit.size()) == before_unit) with_unit.push_back(key);
+    if (last == nearest) near.push_back(key);
+  }
+  std::vector<std::string>& found = !equal.empty() ? equal : !with_unit.empty() ? with_unit : near;
+  const auto depth = [](const std::string& key) { return std::count(key.begin(), key.end(), '.'); };
+  std::stable_sort(found.begin(), found.end(), [&](const auto& a, const auto& b) { return depth(a) < depth(b); });
+  found.resize(std::min(found.size(), kMost));
+  return found;
+}
+
 class Loader {
  public:
   explicit Loader(OptionFields fields) : root_(std::move(fields)) {}
@@ -164,11 +193,11 @@ class Loader {
   Error unknown_key(const std::string& key, const Layer& layer) const {
     std::vector<std::string> keys;
     collect_keys(root_, {}, keys);
-    auto meant = nearest_name(key, keys);
-    if (!meant) meant = key_named_alike(last_name(key), keys);
-    return layer.error(
-        0, "unknown key '" + shown_text(key) + "'",
-        meant ? "did you mean '" + layer.spelt(*meant) + "'?" : "see 'mapweave config reference' for those there are");
+    std::vector<std::string> meant;
+    if (const auto nearest = nearest_name(key, keys)) meant = {*nearest};
+    if (meant.empty()) meant = keys_named_alike(last_name(key), keys);
+    return layer.error(0, "unknown key '" + shown_text(key) + "'",
+                       meant.empty() ? "look for it: mapweave config reference --find WORD" : question(meant, layer));
   }
 
   // For a key in a section of a file: the keys beside it first, then the same name elsewhere.
@@ -176,18 +205,12 @@ class Loader {
     std::vector<std::string> known_here, keys;
     for (const auto& option : fields) known_here.push_back(option.name);
     collect_keys(root_, {}, keys);
-    auto meant = nearest_name(name, known_here);
-    if (!meant) meant = key_named_alike(name, keys);
+    std::vector<std::string> meant;
+    if (const auto nearest = nearest_name(name, known_here)) meant = {*nearest};
+    if (meant.empty()) meant = keys_named_alike(name, keys);
     std::string remedy;
     for (const auto& known : known_here) remedy += (remedy.empty() ? "known here: " : ", ") + known;
-    if (meant) remedy = "did you mean '" + *meant + "'?";
-    return layer.error(line, "unknown key '" + shown_text(name) + "'", remedy);
-  }
-
-  static std::optional<std::string> key_named_alike(std::string_view name, const std::vector<std::string>& keys) {
-    const auto found =
-        std::find_if(keys.begin(), keys.end(), [&](const std::string& key) { return last_name(key) == name; });
-    return found == keys.end() ? std::nullopt : std::optional(*found);
+    return layer.error(line, "unknown key '" + shown_text(name) + "'", meant.empty() ? remedy : question(meant, layer));
   }
 
   void apply_section(OptionFields& fields, const YamlNode& map, const std::string& prefix, const Layer& layer) {

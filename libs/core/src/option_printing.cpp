@@ -1,8 +1,10 @@
 #include "option_text.h"
 
+#include <mapweave/core/option_search.h>
 #include <mapweave/core/options.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 
 namespace mapweave {
@@ -53,6 +55,14 @@ std::string yaml_of_scalar(const Option& option) {
   const auto& choice = std::get<OptionChoice>(option.as);
   MAPWEAVE_EXPECT(choice.get() < choice.names.size(), "'" + option.name + "' holds a value without a name");
   return yaml_of_text(choice.names[choice.get()]);
+}
+
+// What the option means, and its range.
+std::string note_of(const Option& option) {
+  const std::string range = range_text(option);
+  std::string note = option.doc + (range.empty() ? "" : " (" + range + ")");
+  std::replace(note.begin(), note.end(), '\n', ' ');
+  return note;
 }
 
 class Printer {
@@ -110,13 +120,6 @@ class Printer {
     }
   }
 
-  static std::string note_of(const Option& option) {
-    const std::string range = range_text(option);
-    std::string note = option.doc + (range.empty() ? "" : " (" + range + ")");
-    std::replace(note.begin(), note.end(), '\n', ' ');
-    return note;
-  }
-
   void comment(const Option& option, const std::string& lead) {
     if (with_comments_) text += lead + "# " + note_of(option) + "\n";
   }
@@ -124,7 +127,33 @@ class Printer {
   bool with_comments_;
 };
 
+std::string in_small_letters(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
+  return text;
+}
+
+void find_below(const OptionFields& fields, const std::string& prefix, const std::vector<std::string>& words,
+                std::string& text) {
+  for (const Option& option : fields) {
+    const std::string key = prefix + option.name, note = note_of(option), all = in_small_letters(key + " " + note);
+    const auto* section = std::get_if<OptionSection>(&option.as);
+    const auto* list = std::get_if<OptionList>(&option.as);
+    if (std::all_of(words.begin(), words.end(), [&](const auto& word) { return all.find(word) != std::string::npos; }))
+      text += key + ":" + (section || list ? "" : " " + yaml_of_scalar(option)) + "\n    " + note + "\n";
+    if (section != nullptr) find_below(section->fields, key + ".", words, text);
+    if (list != nullptr) find_below(list->example(), key + ".0.", words, text);
+  }
+}
+
 }  // namespace
+
+std::string found_in_fields(const OptionFields& fields, std::vector<std::string> words) {
+  for (std::string& word : words) word = in_small_letters(std::move(word));
+  std::string text;
+  find_below(fields, {}, words, text);
+  return text;
+}
 
 std::string yaml_of_fields(const OptionFields& fields) {
   Printer printer(false);

@@ -164,6 +164,7 @@ std::unique_ptr<Progress> make_progress(ProgressOutput output) {
 std::unique_ptr<Progress> make_silent_progress() { return std::make_unique<SilentProgress>(); }
 
 std::unique_ptr<Progress> make_terminal_progress() {
+  if (!console::shows_progress()) return make_silent_progress();
   ProgressOutput output;
   output.live = console::is_terminal();
   output.write_line = console::write_line;

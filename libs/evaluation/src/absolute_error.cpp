@@ -8,26 +8,6 @@
 namespace mapweave::evaluation {
 namespace {
 
-struct AlignedPairs {
-  std::vector<PosePair> pairs;
-  Sim3 reference_from_estimate;
-};
-
-AlignedPairs aligned_pairs(const Trajectory& estimate, const Trajectory& reference,
-                           const TrajectoryErrorOptions& options) {
-  AlignedPairs result;
-  result.pairs = associated(estimate, reference, options.max_stamp_difference_s);
-  if (result.pairs.empty())
-    throw Error(ErrorCode::kBadInput,
-                "no pose of the estimate (" + std::to_string(estimate.size()) + " poses) is within " +
-                    std::to_string(options.max_stamp_difference_s) + " s of one of the reference (" +
-                    std::to_string(reference.size()) + " poses)",
-                {}, "give trajectories of the same log with stamps of the same clock");
-  result.reference_from_estimate = reference_from_estimate(result.pairs, options.align);
-  for (auto& pair : result.pairs) pair.estimate = transformed(pair.estimate, result.reference_from_estimate);
-  return result;
-}
-
 double angle_deg(const Eigen::Quaterniond& q) {
   return 2.0 * std::atan2(q.vec().norm(), std::abs(q.w())) * 180.0 / M_PI;
 }
@@ -77,43 +57,73 @@ std::vector<Piece> pieces_by_path(const std::vector<PosePair>& pairs, const Rela
 
 }  // namespace
 
-TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference,
-                               const TrajectoryErrorOptions& options) {
-  const AlignedPairs together = aligned_pairs(estimate, reference, options);
-  std::vector<double> translations_m, rotations_deg;
-  for (const auto& pair : together.pairs) {
-    translations_m.push_back((pair.estimate.t - pair.reference.t).norm());
-    rotations_deg.push_back(angle_deg(pair.reference.q.conjugate() * pair.estimate.q));
+AlignedTracks aligned_tracks(const std::vector<Compared>& compared, const TrajectoryErrorOptions& options) {
+  AlignedTracks result;
+  std::vector<PosePair> all;
+  for (const auto& [estimate, reference] : compared) {
+    result.tracks.push_back(associated(estimate, reference, options.max_stamp_difference_s));
+    if (result.tracks.back().empty())
+      throw Error(ErrorCode::kBadInput,
+                  "no pose of the estimate (" + std::to_string(estimate.size()) + " poses) is within " +
+                      std::to_string(options.max_stamp_difference_s) + " s of one of the reference (" +
+                      std::to_string(reference.size()) + " poses)",
+                  {}, "give trajectories of the same log with stamps of the same clock");
+    all.insert(all.end(), result.tracks.back().begin(), result.tracks.back().end());
   }
-  return {together.pairs.size(), together.reference_from_estimate, statistics_of(std::move(translations_m)),
+  result.reference_from_estimate = reference_from_estimate(all, options.align);
+  for (auto& track : result.tracks)
+    for (auto& pair : track) pair.estimate = transformed(pair.estimate, result.reference_from_estimate);
+  return result;
+}
+
+TrajectoryError absolute_error(const AlignedTracks& together) {
+  std::vector<double> translations_m, rotations_deg;
+  for (const auto& track : together.tracks)
+    for (const auto& pair : track) {
+      translations_m.push_back((pair.estimate.t - pair.reference.t).norm());
+      rotations_deg.push_back(angle_deg(pair.reference.q.conjugate() * pair.estimate.q));
+    }
+  const std::size_t pairs = translations_m.size();
+  return {pairs, together.reference_from_estimate, statistics_of(std::move(translations_m)),
           statistics_of(std::move(rotations_deg))};
 }
 
-TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference,
-                               const TrajectoryErrorOptions& options, const RelativeErrorOptions& relative) {
+TrajectoryError relative_error(const AlignedTracks& together, const RelativeErrorOptions& relative) {
   const bool by_frames = relative.unit == DeltaUnit::frames;
   MAPWEAVE_EXPECT(
       relative.delta > 0.0 && (!by_frames || (relative.delta < 1e9 && relative.delta == std::floor(relative.delta))),
       "delta must be positive, and whole where it counts frames");
-  const AlignedPairs together = aligned_pairs(estimate, reference, options);
-  const auto pieces =
-      by_frames ? pieces_by_frames(together.pairs.size(), static_cast<std::size_t>(relative.delta), relative.all_pairs)
-                : pieces_by_path(together.pairs, relative);
-  if (pieces.empty())
+  std::vector<double> translations_m, rotations_deg;
+  std::size_t matched = 0;
+  for (const auto& track : together.tracks) {
+    matched += track.size();
+    for (const auto& [begin, end] :
+         by_frames ? pieces_by_frames(track.size(), static_cast<std::size_t>(relative.delta), relative.all_pairs)
+                   : pieces_by_path(track, relative)) {
+      const Pose3 error = between(between(track[begin].reference, track[end].reference),
+                                  between(track[begin].estimate, track[end].estimate));
+      translations_m.push_back(error.t.norm());
+      rotations_deg.push_back(angle_deg(error.q));
+    }
+  }
+  if (translations_m.empty())
     throw Error(ErrorCode::kBadInput,
-                "no piece of the trajectory (" + std::to_string(together.pairs.size()) + " matched poses) is " +
+                "no piece of the trajectory (" + std::to_string(matched) + " matched poses) is " +
                     std::to_string(relative.delta) + (by_frames ? " frames" : " m") + " long",
                 {}, "choose a smaller delta");
-  std::vector<double> translations_m, rotations_deg;
-  for (const auto& [begin, end] : pieces) {
-    const Pose3 reference_step = between(together.pairs[begin].reference, together.pairs[end].reference);
-    const Pose3 estimate_step = between(together.pairs[begin].estimate, together.pairs[end].estimate);
-    const Pose3 error = between(reference_step, estimate_step);
-    translations_m.push_back(error.t.norm());
-    rotations_deg.push_back(angle_deg(error.q));
-  }
-  return {pieces.size(), together.reference_from_estimate, statistics_of(std::move(translations_m)),
+  const std::size_t pieces = translations_m.size();
+  return {pieces, together.reference_from_estimate, statistics_of(std::move(translations_m)),
           statistics_of(std::move(rotations_deg))};
+}
+
+TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference,
+                               const TrajectoryErrorOptions& options) {
+  return absolute_error(aligned_tracks({{estimate, reference}}, options));
+}
+
+TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference,
+                               const TrajectoryErrorOptions& options, const RelativeErrorOptions& relative) {
+  return relative_error(aligned_tracks({{estimate, reference}}, options), relative);
 }
 
 }  // namespace mapweave::evaluation

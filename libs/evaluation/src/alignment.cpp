@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 
 #include <limits>
@@ -71,5 +72,55 @@ Sim3 reference_from_estimate(const std::vector<PosePair>& pairs, AlignmentKind k
   result.pose.t = reference_mean - result.scale * (result.pose.q * estimate_mean);
   return result;
 }
+
+namespace {
+
+// Whether the turns that both bodies make agree better without the rotation between them than with it. Then it is the
+// alignment of a short path that is turned, not the body.
+bool turns_contradict(const std::vector<PosePair>& aligned, const Eigen::Quaterniond& reference_from_estimate) {
+  constexpr std::size_t kPieces = 4;
+  constexpr double kWorse = 1.25, kNoise_rad = 0.002;
+  const std::size_t length = std::max<std::size_t>(1, aligned.size() / kPieces);
+  double with = 0.0, without = 0.0, count = 0.0;
+  for (std::size_t i = 0; i + length < aligned.size(); ++i, count += 1.0) {
+    const PosePair &from = aligned[i], &to = aligned[i + length];
+    const Eigen::Quaterniond reference = from.reference.q.conjugate() * to.reference.q,
+                             estimate = from.estimate.q.conjugate() * to.estimate.q;
+    without += std::pow(reference.angularDistance(estimate), 2);
+    with += std::pow(
+        reference.angularDistance(reference_from_estimate * estimate * reference_from_estimate.conjugate()), 2);
+  }
+  return count > 0.0 && std::sqrt(with / count) > kWorse * std::sqrt(without / count) + kNoise_rad;
+}
+
+}  // namespace
+
+std::optional<ConstantRotation> constant_rotation(const std::vector<PosePair>& aligned) {
+  constexpr double kLeast_deg = 3.0, kLeastOfSpread = 3.0, kDegrees = 180.0 / M_PI;
+  if (aligned.empty()) return std::nullopt;
+  // The mean of rotations: Markley et al., "Averaging quaternions", 2007.
+  Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
+  for (const auto& pair : aligned) {
+    const Eigen::Vector4d q = (pair.reference.q.conjugate() * pair.estimate.q).coeffs();
+    sum += q * q.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(sum);
+  ConstantRotation result;
+  result.reference_body_from_estimate_body.coeffs() = solver.eigenvectors().col(3);
+  result.reference_body_from_estimate_body.normalize();
+  result.angle_deg =
+      result.reference_body_from_estimate_body.angularDistance(Eigen::Quaterniond::Identity()) * kDegrees;
+  for (const auto& pair : aligned) {
+    const double off_deg =
+        kDegrees * (pair.reference.q * result.reference_body_from_estimate_body).angularDistance(pair.estimate.q);
+    result.spread_deg += off_deg * off_deg / static_cast<double>(aligned.size());
+  }
+  result.spread_deg = std::sqrt(result.spread_deg);
+  const bool is_one = result.angle_deg >= kLeast_deg && result.angle_deg >= kLeastOfSpread * result.spread_deg;
+  return is_one && !turns_contradict(aligned, result.reference_body_from_estimate_body) ? std::optional(result)
+                                                                                        : std::nullopt;
+}
+
+Pose3 robot_from_optical() { return {Eigen::Vector3d::Zero(), Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)}; }
 
 }  // namespace mapweave::evaluation

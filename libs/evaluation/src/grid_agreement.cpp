@@ -117,4 +117,44 @@ GridAgreement grid_agreement(const OccupancyGrid& a, const OccupancyGrid& b, con
   return result;
 }
 
+OccupancyGrid moved(const OccupancyGrid& grid, const Pose2& there_from_grid, double scale) {
+  constexpr double kMostCells = 4e8;
+  MAPWEAVE_EXPECT(!grid.empty() && scale > 0.0, "a grid without cells cannot be moved");
+  const double width_m = grid.columns * grid.resolution_m, height_m = grid.rows * grid.resolution_m;
+  double least_x = INFINITY, least_y = INFINITY, most_x = -INFINITY, most_y = -INFINITY;
+  for (const double x : {grid.origin_x_m, grid.origin_x_m + width_m})
+    for (const double y : {grid.origin_y_m, grid.origin_y_m + height_m}) {
+      const Pose2 corner = compose(there_from_grid, Pose2(scale * x, scale * y, 0.0));
+      least_x = std::min(least_x, corner.x);
+      most_x = std::max(most_x, corner.x);
+      least_y = std::min(least_y, corner.y);
+      most_y = std::max(most_y, corner.y);
+    }
+  OccupancyGrid result;
+  result.resolution_m = grid.resolution_m;
+  result.origin_x_m = least_x;
+  result.origin_y_m = least_y;
+  const double columns = std::ceil((most_x - least_x) / grid.resolution_m - 1e-6),
+               rows = std::ceil((most_y - least_y) / grid.resolution_m - 1e-6);
+  if (!(columns * rows <= kMostCells))
+    throw Error(ErrorCode::kBadInput, "a grid that is moved so would be too large", {}, "check the motion");
+  result.columns = static_cast<std::int32_t>(columns);
+  result.rows = static_cast<std::int32_t>(rows);
+  result.log_odds.assign(static_cast<std::size_t>(columns * rows), OccupancyGrid::kUnknown);
+  const Pose2 grid_from_there = inverse(there_from_grid);
+  for (std::int32_t row = 0; row < result.rows; ++row)
+    for (std::int32_t column = 0; column < result.columns; ++column) {
+      const Pose2 centre = compose(grid_from_there, Pose2(least_x + (column + 0.5) * grid.resolution_m,
+                                                          least_y + (row + 0.5) * grid.resolution_m, 0.0));
+      const auto from_column =
+          static_cast<std::int32_t>(std::floor((centre.x / scale - grid.origin_x_m) / grid.resolution_m + 1e-9));
+      const auto from_row =
+          static_cast<std::int32_t>(std::floor((centre.y / scale - grid.origin_y_m) / grid.resolution_m + 1e-9));
+      if (grid.inside(from_column, from_row))
+        result.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(result.columns) +
+                        static_cast<std::size_t>(column)] = grid.at(from_column, from_row);
+    }
+  return result;
+}
+
 }  // namespace mapweave::evaluation

@@ -60,6 +60,8 @@ std::optional<Stamp> parse_decimal_stamp(std::string_view word) {
 NumberLines::NumberLines(std::string_view text, std::string where, std::string format)
     : rest_(text), where_(std::move(where)), format_(std::move(format)), columns_(words(format_).size()) {}
 
+std::size_t NumberLines::columns_of(std::string_view line) { return words(line).size(); }
+
 bool NumberLines::next() {
   while (!rest_.empty()) {
     const std::size_t end = std::min(rest_.find('\n'), rest_.size());
@@ -93,8 +95,25 @@ Stamp NumberLines::stamp(std::size_t column) const {
   return stamp_from_seconds(seconds);
 }
 
+Stamp NumberLines::nanoseconds(std::size_t column) const {
+  const std::string_view word = fields_[column];
+  std::int64_t ns = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), ns);
+  if (error != std::errc{} || end != word.data() + word.size() || std::abs(static_cast<double>(ns)) > kLastStampS * 1e9)
+    fail("the stamp " + quoted(word) + " is no time in nanoseconds", "EuRoC's csv has whole nanoseconds first");
+  return Stamp{ns};
+}
+
 void NumberLines::fail(const std::string& what, const std::string& remedy) const {
   throw Error(ErrorCode::kBadInput, what, where_ + ":" + std::to_string(line_), remedy);
+}
+
+Eigen::Quaterniond unit_quaternion(const Eigen::Quaterniond& q, const NumberLines& lines, const std::string& remedy) {
+  constexpr double kUnitTolerance = 0.01;
+  const double length = q.norm();
+  if (!(std::abs(length - 1.0) <= kUnitTolerance))
+    lines.fail("the quaternion's length is " + std::to_string(length) + " and must be 1", remedy);
+  return q.normalized();
 }
 
 }  // namespace mapweave::evaluation

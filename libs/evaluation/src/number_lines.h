@@ -3,6 +3,8 @@
 
 #include <mapweave/core/stamp.h>
 
+#include <Eigen/Geometry>
+
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,9 +18,11 @@ class NumberLines {
   // `text` must outlive it. `format`: what a line should hold, for messages; as many words as columns.
   NumberLines(std::string_view text, std::string where, std::string format);
 
+  static std::size_t columns_of(std::string_view line);
   bool next();  // to the next line of numbers; false at the end
   double number(std::size_t column) const;
   Stamp stamp(std::size_t column) const;  // exact where it is written in decimals
+  Stamp nanoseconds(std::size_t column) const;
   [[noreturn]] void fail(const std::string& what, const std::string& remedy = {}) const;
 
  private:
@@ -27,5 +31,8 @@ class NumberLines {
   std::size_t columns_, line_ = 0;
   std::vector<std::string_view> fields_;
 };
+
+// Normalised; complains, with `remedy`, where the length is not 1 within 0.01.
+Eigen::Quaterniond unit_quaternion(const Eigen::Quaterniond&, const NumberLines&, const std::string& remedy);
 
 }  // namespace mapweave::evaluation

@@ -8,19 +8,14 @@
 namespace mapweave::evaluation {
 
 Trajectory parse_tum(std::string_view text, const std::string& where) {
-  constexpr double kUnitTolerance = 0.01;
   NumberLines lines(text, where, "stamp x y z qx qy qz qw");
   Trajectory trajectory;
   while (lines.next()) {
     TrajectoryPoint point;
     point.stamp = lines.stamp(0);
     point.pose.t = {lines.number(1), lines.number(2), lines.number(3)};
-    point.pose.q = Eigen::Quaterniond(lines.number(7), lines.number(4), lines.number(5), lines.number(6));
-    const double length = point.pose.q.norm();
-    if (!(std::abs(length - 1.0) <= kUnitTolerance))
-      lines.fail("the quaternion's length is " + std::to_string(length) + " and must be 1",
-                 "the columns are stamp x y z qx qy qz qw: the real part comes last");
-    point.pose.q.normalize();
+    point.pose.q = unit_quaternion({lines.number(7), lines.number(4), lines.number(5), lines.number(6)}, lines,
+                                   "the columns are stamp x y z qx qy qz qw: the real part comes last");
     if (!trajectory.empty() && !(trajectory.back().stamp < point.stamp))
       lines.fail("the stamp is not later than that of the pose before it", "sort the file by stamp, one pose a stamp");
     trajectory.push_back(point);

@@ -3,8 +3,11 @@
 #include "number_text.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/maps/map_noise.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace mapweave::exporters {
 namespace {
@@ -17,6 +20,7 @@ bool is_planar(const Constraint& constraint) {
 }
 
 bool is_planar(const Map& map) {
+  if (!map.landmarks.empty()) return false;
   for (const auto& [id, node] : map.nodes)
     if (!is_planar(node.map_from_node)) return false;
   for (const auto& [id, constraint] : map.constraints)
@@ -50,6 +54,72 @@ void append_information(std::string& text, const Constraint& constraint, bool pl
     for (int column = row; column < 6; ++column)
       append_numbers(text, {constraint.information(row, column) * (row < 3 ? 1.0 : 2.0) * (column < 3 ? 1.0 : 2.0)});
 }
+
+// What keyframes saw: cameras as parameters, landmarks as vertices, sightings as edges of pixel and inverse depth.
+class Sightings {
+ public:
+  Sightings(const Map& map, const Table<NodeId, std::size_t>& numbers) : map_(map), numbers_(numbers) {}
+
+  std::string text() {
+    for (const auto& [id, landmark] : map_.landmarks) add(landmark);
+    return cameras_text_ + text_;
+  }
+
+ private:
+  void add(const Landmark& landmark) {
+    const Node* anchor = map_.nodes.find(landmark.anchor);
+    MAPWEAVE_EXPECT(anchor != nullptr, "a landmark hangs on a keyframe of the map");
+    std::string edges;
+    std::size_t count = 0;
+    const std::size_t number = numbers_.size() + landmarks_;
+    for (const LandmarkSighting& sighting : landmark.seen) {
+      const Node* node = map_.nodes.find(sighting.node);
+      const KeyframeFeatures* keyframe = node != nullptr ? keyframe_of(*node) : nullptr;
+      if (keyframe == nullptr) continue;
+      edges += edge(sighting, *keyframe, number);
+      ++count;
+    }
+    if (count < 2) return;  // nothing holds it
+    text_ += "VERTEX_TRACKXYZ " + std::to_string(number);
+    const Eigen::Vector3d point = transformed(landmark.point_in_anchor(), anchor->map_from_node);
+    append_numbers(text_, {point.x(), point.y(), point.z()});
+    text_ += '\n' + edges;
+    ++landmarks_;
+  }
+
+  std::string edge(const LandmarkSighting& sighting, const KeyframeFeatures& keyframe, std::size_t landmark) {
+    const CameraGeometry& camera = *keyframe.geometry;
+    std::string text = "EDGE_PROJECT_DISPARITY " + std::to_string(*numbers_.find(sighting.node)) + ' ' +
+                       std::to_string(landmark) + ' ' + std::to_string(number_of(camera));
+    const double inverse_depth = sighting.inverse_depth * kInverseDepthUnit_per_m;
+    append_numbers(text, {pixels_of(sighting.u), pixels_of(sighting.v), inverse_depth});
+    const double sigma_px = kLandmarkSigma_px * std::pow(2.0, sighting.level),
+                 sigma_per_m =
+                     camera.baseline_m > 0.0 ? sigma_px / (camera.fx * camera.baseline_m) : kInverseDepthSigma_per_m;
+    const double of_pixel = 1.0 / (sigma_px * sigma_px),
+                 of_depth = sighting.inverse_depth == 0 ? 0.0 : 1.0 / (sigma_per_m * sigma_per_m);
+    append_numbers(text, {of_pixel, 0.0, 0.0, of_pixel, 0.0, of_depth});
+    return text + '\n';
+  }
+
+  std::size_t number_of(const CameraGeometry& camera) {
+    const auto known =
+        std::find_if(cameras_.begin(), cameras_.end(), [&](const CameraGeometry* other) { return *other == camera; });
+    if (known != cameras_.end()) return static_cast<std::size_t>(known - cameras_.begin());
+    cameras_text_ += "PARAMS_CAMERACALIB " + std::to_string(cameras_.size());
+    append_pose(cameras_text_, camera.robot_from_camera, false);
+    append_numbers(cameras_text_, {camera.fx, camera.fy, camera.cx, camera.cy});
+    cameras_text_ += '\n';
+    cameras_.push_back(&camera);
+    return cameras_.size() - 1;
+  }
+
+  const Map& map_;
+  const Table<NodeId, std::size_t>& numbers_;
+  std::vector<const CameraGeometry*> cameras_;
+  std::size_t landmarks_ = 0;
+  std::string cameras_text_, text_;
+};
 
 }  // namespace
 
@@ -100,6 +170,7 @@ std::string g2o_text(const Map& map) {
     append_information(text, constraint, planar_graph);
     text += '\n';
   }
+  text += Sightings(map, numbers).text();
   if (priors > 0) text += "# left out: " + std::to_string(priors) + " priors\n";
   return text;
 }

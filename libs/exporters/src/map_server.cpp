@@ -12,6 +12,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <set>
 
 namespace mapweave::exporters {
 namespace {
@@ -28,6 +30,7 @@ struct Description {
   std::array<double, 3> origin{};  // x, y, yaw of the lower-left corner
   bool negate = false;
   Mode mode = Mode::trinary;
+  std::map<std::string, std::string> identity;  // map_id, map_version, content_hash, where they are there
 };
 
 class DescriptionReader {
@@ -55,10 +58,14 @@ class DescriptionReader {
   }
 
   Description described() const {
-    static const std::array<const char*, 7> kKeys = {"image",           "mode",       "resolution", "origin", "negate",
-                                                     "occupied_thresh", "free_thresh"};
+    static const std::array<const char*, 10> kKeys = {
+        "image",           "mode",        "resolution", "origin",      "negate",
+        "occupied_thresh", "free_thresh", "map_id",     "map_version", "content_hash"};  // the last three are ours
+    std::set<std::string> seen;
     for (const auto& entry : root_) {
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
+      if (!seen.insert(key).second)
+        fail(ErrorCode::kBadInput, entry.first, "the key '" + key + "' comes twice", "remove one of them");
       if (std::find(kKeys.begin(), kKeys.end(), key) == kKeys.end())
         log(LogLevel::warning, file_.string() + ":" + std::to_string(entry.first.Mark().line + 1) + ": the key '" +
                                    key + "' is not map_server's and is passed over");
@@ -71,8 +78,9 @@ class DescriptionReader {
     result.image_line = image.Mark().line + 1;
     result.resolution_m = number(required("resolution"), "resolution", 1e-4, 1e3, "metres per pixel");
     if (const YAML::Node origin = root_["origin"]) {
-      if (!origin.IsSequence() || origin.size() < 2 || origin.size() > 3)
-        fail(ErrorCode::kBadInput, origin, "'origin' must be [x, y, yaw] of the lower-left pixel");
+      if (!origin.IsSequence() || origin.size() != 3)
+        fail(ErrorCode::kBadInput, origin, "'origin' must be three numbers, [x, y, yaw] of the lower-left pixel",
+             "give 0 for a map that is not turned");
       for (std::size_t i = 0; i < origin.size(); ++i)
         result.origin[i] =
             number(origin[i], "origin", -kFarthestOriginM, kFarthestOriginM, i == 2 ? "radians" : "metres");
@@ -85,6 +93,8 @@ class DescriptionReader {
     if (result.free_threshold >= result.occupied_threshold)
       fail(ErrorCode::kBadInput, root_, "'free_thresh' must be below 'occupied_thresh'",
            "leave both out for 0.196 and 0.65");
+    for (const char* key : {"map_id", "map_version", "content_hash"})
+      if (const YAML::Node node = root_[key]; node && node.IsScalar()) result.identity[key] = node.Scalar();
     if (const YAML::Node mode = root_["mode"]) {
       const std::string text = mode.IsScalar() ? mode.Scalar() : "";
       if (text != "trinary" && text != "scale" && text != "raw")
@@ -106,7 +116,8 @@ class DescriptionReader {
                 const std::string& unit) const {
     double value = NAN;
     if (!node.IsScalar() || !YAML::convert<double>::decode(node, value))
-      fail(ErrorCode::kBadInput, node, "'" + key + "' must be a number (" + unit + ")");
+      fail(ErrorCode::kBadInput, node,
+           "'" + key + "' must be a number (" + unit + ")" + (node.IsScalar() ? ", not '" + node.Scalar() + "'" : ""));
     if (!(value >= low && value <= high)) {
       std::string range;
       append_shortest(range, low);
@@ -205,7 +216,7 @@ std::string pgm_bytes(const OccupancyGrid& grid) {
   return bytes;
 }
 
-std::string map_server_yaml(const OccupancyGrid& grid, const std::string& image_name) {
+std::string map_server_yaml(const OccupancyGrid& grid, const std::string& image_name, const MapIdentity& identity) {
   std::string text = "image: " + image_name + "\nmode: trinary\nresolution: ";
   append_shortest(text, grid.resolution_m);
   text += "\norigin: [";
@@ -216,16 +227,25 @@ std::string map_server_yaml(const OccupancyGrid& grid, const std::string& image_
   append_shortest(text, kOccupiedThreshold);
   text += "\nfree_thresh: ";
   append_shortest(text, kFreeThreshold);
-  return text + "\n";
+  text += "\n";
+  if (identity.version > 0)
+    text += "map_id: \"" + identity.id + "\"\nmap_version: \"" + std::to_string(identity.version) +
+            "\"\ncontent_hash: \"" + to_hex(identity.content) + "\"\n";
+  return text;
 }
 
-void write_map_server(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& stem) {
+void write_map_server(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& stem,
+                      const MapIdentity& identity) {
   write_file(folder / (stem + ".pgm"), pgm_bytes(grid));
-  write_file(folder / (stem + ".yaml"), map_server_yaml(grid, stem + ".pgm"));
+  write_file(folder / (stem + ".yaml"), map_server_yaml(grid, stem + ".pgm", identity));
 }
 
 std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file) {
   return DescriptionReader(yaml_file).read().image;
+}
+
+std::map<std::string, std::string> identity_of_map_server(const std::filesystem::path& yaml_file) {
+  return DescriptionReader(yaml_file).read().identity;
 }
 
 OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {

@@ -1,10 +1,10 @@
 #include "decision/component_audit.h"
 #include "decision/connections.h"
+#include "early_end.h"
 #include "team/team_in_plane.h"
 #include "team/team_in_space.h"
 
 #include <mapweave/core/disjoint_sets.h>
-#include <mapweave/core/interrupt.h>
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/rig/scale.h>
 
@@ -91,7 +91,7 @@ class Fusing {
 
   // Stages 4 and 5: one map of all members, and where theirs lie in it.
   Component composed(const PlacedTeam& placed) const {
-    throw_if_interrupted();
+    is_over(input_);
     const auto& members = placed.members.maps;
     const bool is_alone = members.size() == 1;
     Component component;

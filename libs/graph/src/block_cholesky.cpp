@@ -69,7 +69,8 @@ BlockCholesky<kSize>::BlockCholesky(std::vector<std::size_t> row_begin, std::vec
     begin_.push_back(rows_.size());
     std::vector<std::int32_t>().swap(rows);
   }
-  target_.resize(columns_.size()), turned_.resize(columns_.size());
+  target_.resize(columns_.size());
+  turned_.resize(columns_.size());
   for (std::size_t row = 0; row < count_; ++row)
     for (std::size_t i = row_begin_[row]; i < row_begin_[row + 1]; ++i) {
       const std::int32_t one = place_[row], other = place_[static_cast<std::size_t>(columns_[i])];

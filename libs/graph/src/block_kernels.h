@@ -41,7 +41,8 @@ MAPWEAVE_INTO_CLONES void subtract_product(const double* a, const double* b, dou
 #pragma GCC unroll 3
       for (int j = 0; j < kAtOnce; ++j) {
         double* const column = c + kRows * (first + j);
-        *reinterpret_cast<FourLanes*>(column) = high[j], *reinterpret_cast<TwoLanes*>(column + 4) = low[j];
+        *reinterpret_cast<FourLanes*>(column) = high[j];
+        *reinterpret_cast<TwoLanes*>(column + 4) = low[j];
       }
     }
   }
@@ -71,7 +72,8 @@ MAPWEAVE_INTO_CLONES void divide_by_transposed(const double* lower, double* x) {
       }
       const double scale = 1.0 / lower[kRows * j + j];
       high[j] *= scale, low[j] *= scale;
-      *reinterpret_cast<FourLanes*>(x + kRows * j) = high[j], *reinterpret_cast<TwoLanes*>(x + kRows * j + 4) = low[j];
+      *reinterpret_cast<FourLanes*>(x + kRows * j) = high[j];
+      *reinterpret_cast<TwoLanes*>(x + kRows * j + 4) = low[j];
     }
   }
 }

@@ -43,7 +43,7 @@ Slope slope_of(const BundleSighting& seen, const Pinhole& camera, const Vector3d
           -weight * camera.fy * p.y() * z * z, -depth_weight * z * z};
 }
 
-// How far the views are from what the tie says, in sigmas; a small motion of `to` in its own frame.
+// How far the views are from what the constraint says, in sigmas; a small motion of `to` in its own frame.
 Vector6 error_of(const RelativePoseConstraint& constraint, const View& from, const View& to) {
   const Matrix3d measured = constraint.from_from_to.q.conjugate().toRotationMatrix();  // to_from_from
   const Matrix3d to_from_from = to.rotation * from.rotation.transpose();
@@ -75,7 +75,8 @@ void linearise(const RelativePoseConstraint& constraint, const View& from, const
 Vector2d values_of(const SensorCalibration& calibration) {
   return {calibration.readout_s, calibration.inverse_depth_offset};
 }
-// Information of the priors: of a step, and of being there at all; none of what is not learnt.
+// Information of the priors on readout and disparity offset: `step` on the change in one adjustment, `own` on the
+// value; 0 if not estimated.
 struct CalibrationInformation {
   Vector2d step = Vector2d::Zero(), own = Vector2d::Zero();
   explicit CalibrationInformation(const CalibrationPrior& prior) {
@@ -189,7 +190,7 @@ class Adjustment {
       MAPWEAVE_EXPECT(constraint.from < bundle.views.size() && constraint.to < bundle.views.size() &&
                           constraint.from != constraint.to && constraint.sigma_m > 0.0 && constraint.sigma_rad > 0.0,
                       "a constraint names two views");
-      pattern.ties.emplace_back(column_[constraint.from], column_[constraint.to]);
+      pattern.view_pairs.emplace_back(column_[constraint.from], column_[constraint.to]);
     }
     return pattern;
   }
@@ -276,11 +277,17 @@ class Adjustment {
         second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
         third(p.y() * zz - p.z() * yz, p.z() * xz - p.x() * zz, p.x() * yz - p.y() * xz);
     Matrix6& hessian = sums.views[static_cast<std::size_t>(c)];
-    hessian(0, 0) += xx, hessian(1, 1) += yy, hessian(2, 0) += xz, hessian(2, 1) += yz, hessian(2, 2) += zz;
+    hessian(0, 0) += xx;
+    hessian(1, 1) += yy;
+    hessian(2, 0) += xz;
+    hessian(2, 1) += yz;
+    hessian(2, 2) += zz;
 #pragma GCC unroll 3
     for (int k = 0; k < 3; ++k) {
       const Vector3d turned(first(k), second(k), third(k)), of_turns = p.cross(turned);
-      hessian(3 + k, 0) += turned.x(), hessian(3 + k, 1) += turned.y(), hessian(3 + k, 2) += turned.z();
+      hessian(3 + k, 0) += turned.x();
+      hessian(3 + k, 1) += turned.y();
+      hessian(3 + k, 2) += turned.z();
       for (int row = k; row < 3; ++row) hessian(3 + row, 3 + k) += of_turns(row);
     }
     sums.views_gradient.segment<3>(6 * c) += slope;

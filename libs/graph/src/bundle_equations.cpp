@@ -31,7 +31,7 @@ void BundleEquations::find_blocks() {
   for (std::size_t point = 0; point < first_free_.size(); ++point)
     for (std::size_t i = first_free_[point]; i < pattern_.first[point + 1]; ++i)
       for (std::size_t j = first_free_[point]; j < i; ++j) meet(column_of[i], column_of[j]);
-  for (const auto& [one, other] : pattern_.ties)
+  for (const auto& [one, other] : pattern_.view_pairs)
     if (const auto [column, row] = std::minmax(one, other); column >= 0) meet(row, column);
   for (std::size_t row = 0; row < rows; ++row) {
     row_begin_.push_back(columns_.size());
@@ -68,7 +68,7 @@ void BundleEquations::set_zero() {
   sums.points_gradient.assign(first_free_.size(), Eigen::Vector3d::Zero());
   sums.view_by_point.resize(pattern_.column_of_sighting.size());
   sums.used.assign(pattern_.column_of_sighting.size(), 0);
-  sums.view_by_view.resize(pattern_.ties.size());
+  sums.view_by_view.resize(pattern_.view_pairs.size());
   if (!pattern_.has_border) return;
   sums.border.setZero();
   sums.border_gradient.setZero();
@@ -91,8 +91,9 @@ constexpr double kLeastOfViews = 1e-9, kLeastOfPoints = 1e-6;
 std::optional<BundleStep> BundleEquations::solved(double damping) {
   std::vector<Matrix6> diagonal = sums.views, below(columns_.size(), Matrix6::Zero());
   for (Matrix6& block : diagonal) damp(block, damping, kLeastOfViews);
-  for (std::size_t i = 0; i < pattern_.ties.size(); ++i)
-    if (const auto [column, row] = std::minmax(pattern_.ties[i].first, pattern_.ties[i].second); column >= 0)
+  for (std::size_t i = 0; i < pattern_.view_pairs.size(); ++i)
+    if (const auto [column, row] = std::minmax(pattern_.view_pairs[i].first, pattern_.view_pairs[i].second);
+        column >= 0)
       below[block(row, column)] += sums.view_by_view[i];
   inverse_.resize(sums.points.size());
   for (std::size_t point = 0; point < sums.points.size(); ++point) {

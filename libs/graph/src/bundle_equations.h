@@ -19,8 +19,8 @@ struct BundlePattern {
   std::vector<std::size_t> first;       // sighting of each point, and the end
   std::vector<int> column_of_sighting;  // rising among those of a point
   std::vector<char> fixed_points;       // of each point; empty: none is
-  // Of views that are tied otherwise; negative where one is fixed.
-  std::vector<std::pair<int, int>> ties;
+  // Columns of the two views of each relative-pose constraint; negative where one is fixed.
+  std::vector<std::pair<int, int>> view_pairs;
   bool has_border = false;
 };
 
@@ -32,7 +32,7 @@ struct BundleSums {
   std::vector<Eigen::Vector3d> points_gradient;
   std::vector<Matrix63> view_by_point;  // of each sighting
   std::vector<char> used;               // of each sighting
-  std::vector<Matrix6> view_by_view;    // of each tie, the view of the higher column by the other
+  std::vector<Matrix6> view_by_view;    // of each view pair, the view of the higher column by the other
   Eigen::Matrix2d border;
   Eigen::Vector2d border_gradient;
   std::vector<Eigen::Matrix<double, 2, 6>> border_by_view;
@@ -66,7 +66,7 @@ class BundleEquations {
 
   BundlePattern pattern_;
   std::vector<std::size_t> first_free_;  // sighting of each point by a view that is not fixed
-  // Blocks below the diagonal, by row, then column: of free views that see a common point or are tied.
+  // Blocks below the diagonal, by row, then column: of free views that see a common point or are a view pair.
   std::vector<std::size_t> row_begin_;
   std::vector<std::int32_t> columns_;
   std::vector<std::uint32_t> block_of_pair_;  // of two sightings of one point, in order

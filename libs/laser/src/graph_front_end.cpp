@@ -92,7 +92,7 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   const matching::PriorWeight relative{step.prior.sigma_m * scale, step.prior.sigma_yaw_rad * scale,
                                        9.0 / options_.point_information_scale};
   auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
-  // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must tell clearly that
+  // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must show clearly that
   // odometry is wrong.
   const Pose2 shift = between(guess, coarse->field_from_scan);
   if (step.from_odometry && (std::hypot(shift.x, shift.y) > kClearShift_m || std::abs(shift.phi) > kClearShift_rad)) {
@@ -187,7 +187,7 @@ void FrontEnd::see(Taken& taken) const {
   taken.few = matched_points(taken.input.scan, taken.points);
 }
 
-// Where the match finds that the scan was swept otherwise, it becomes content so, and is matched again.
+// If the match implies another motion during the sweep, the scan is undistorted with it, kept so, and matched again.
 FrontEnd::Matched FrontEnd::match_sweep(Taken& taken, const Step& step) {
   Matched found = match(taken.few, step);
   if (taken.input.scan.geometry->has_sweep() && found.is_found) {
@@ -207,7 +207,7 @@ Constraint FrontEnd::motion_constraint(const NodeId& id, Stamp stamp, const Step
                                        const std::optional<Pose2>& matched_motion) const {
   // Without odometry and without a match nothing is known but that robots are slow.
   const double seconds = std::max(0.1, seconds_between(*last_stamp_, stamp));
-  // What scans found to be wrong by far is told as wrong as that.
+  // If the match contradicts odometry's heading by more than 3 sigmas, the difference becomes the sigma.
   const double missed = matched_motion ? std::abs(wrap_angle(matched_motion->phi - step.motion.phi)) : 0.0;
   const double prior_yaw = step.prior.sigma_yaw_rad;
   const double sigma_yaw = missed > 3.0 * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
@@ -254,7 +254,7 @@ int FrontEnd::add_scan(const ScanInput& given, Map& map) {
     lost_ = is_placed ? 0 : lost_ + 1;
     if (!is_placed && lost_ >= options_.lost_scans) {
       // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops
-      // may tie to the others.
+      // may connect to the others.
       log(LogLevel::warning, "robot " + session_.client.robot.str() + ": " + std::to_string(lost_) +
                                  " scans fit nowhere and there is no odometry; a new piece of map begins at " +
                                  std::to_string(stamp.seconds()) + " s, its place uncertain");

@@ -74,7 +74,8 @@ struct Mapping {
   void look_for_loops() {
     for (const auto& [id, submap] : map.submaps)
       if (submap.frozen && (frozen.empty() || frozen.back() < id)) frozen.push_back(id);
-    for (; looked_at < frozen.size(); ++looked_at) loops.add(*map.submaps.find(frozen[looked_at]), map);
+    // Counted before: an interruption leaves a submap that was looked at in part, which finish() looks at again.
+    while (looked_at < frozen.size()) loops.add(*map.submaps.find(frozen[looked_at++]), map);
   }
 
   // Every node as the submap it was matched in moved.

@@ -68,9 +68,9 @@ Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
       start_from_odometry_ = compose(there, inverse(odometry_from_robot));
       result = there;
       if (++odometry_jumps_ == 1)
-        log(LogLevel::warning, "the odometry jumps farther than " +
-                                   std::to_string(static_cast<int>(options_.max_speed_mps)) +
-                                   " m/s allow: taken as a counter that started anew (option 'max_speed_mps')");
+        log(LogLevel::warning,
+            "the odometry jumps farther than " + std::to_string(static_cast<int>(options_.max_speed_mps)) +
+                " m/s allow: taken as a counter that started anew (option laser.scan.max_speed_mps)");
     }
   }
   last_odometry_.emplace(stamp, result);

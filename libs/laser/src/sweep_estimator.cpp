@@ -30,6 +30,7 @@ constexpr double kLongestEstimate_s = 1.0;  // stands for an error where nothing
 constexpr double kLongestDelay_s = 0.4, kDelayStep_s = 0.02, kMotion_s = 0.05;
 constexpr double kOdometryGap_s = 0.5;  // that is interpolated over
 constexpr double kAgreeing = 0.3;       // share of pairs that odometry must turn alike
+constexpr double kClearlyMore = 2.0;    // of true delays of 120 to 160 ms: 3.4 and more; of false ones up to 1.6
 
 double robust(double residual, double sigma) {
   const double odd = 1.0 + residual * residual / (sigma * sigma);
@@ -244,28 +245,40 @@ std::optional<double> SweepEstimator::odometry_turn(const Pair& pair, double del
   return first && second ? std::optional(second->phi - first->phi) : std::nullopt;
 }
 
+// Pairs that odometry turns alike, those without odometry are none of them.
+double SweepEstimator::agreement(double delay_s, double turn_scale) const {
+  double sum = 0.0;
+  for (const Pair& pair : pairs_)
+    if (const auto turn = pair.fits ? odometry_turn(pair, delay_s) : std::nullopt)
+      sum += robust(wrap_angle(pair.first_from_second.phi - turn_scale * *turn), kTurnSigma_rad);
+  return sum;
+}
+
 // The delay with which odometry turns as most of the pairs do.
 std::optional<double> SweepEstimator::likeliest_delay() const {
-  const auto agreement = [&](double delay_s) {
-    double sum = 0.0;
-    for (const Pair& pair : pairs_)
-      if (const auto turn = pair.fits ? odometry_turn(pair, delay_s) : std::nullopt)
-        sum += robust(wrap_angle(pair.first_from_second.phi - *turn), kTurnSigma_rad);
-    return sum;
-  };
-  double best_s = 0.0, most = agreement(0.0);
+  double best_s = 0.0, most = agreement(0.0, 1.0);
   for (double delay_s = -kLongestDelay_s; delay_s <= kLongestDelay_s; delay_s += kDelayStep_s)
-    if (const double sum = agreement(delay_s); sum > most) {
+    if (const double sum = agreement(delay_s, 1.0); sum > most) {
       most = sum;
       best_s = delay_s;
     }
   return most >= kAgreeing * static_cast<double>(pairs_.size()) ? std::optional(best_s) : std::nullopt;
 }
 
-// Turns of pairs against those of odometry: their delay and their scale together, by Gauss-Newton.
+// A delay has to explain many more pairs than none does: where odometry has gaps or slips, a few wrong pairs agree on
+// any.
 std::optional<SweepEstimate::ByOdometry> SweepEstimator::compare_with_odometry() const {
   const auto start = likeliest_delay();
   if (!start) return std::nullopt;
+  const auto late = fitted(*start, true), in_time = fitted(0.0, false);
+  if (!late || !in_time) return in_time;
+  const double of_late = agreement(late->delay_s.value, late->turn_scale.value),
+               of_none = agreement(0.0, in_time->turn_scale.value);
+  return of_late > kClearlyMore * of_none ? late : in_time;
+}
+
+// Turns of pairs against those of odometry: their delay, if wanted, and their scale together, by Gauss-Newton.
+std::optional<SweepEstimate::ByOdometry> SweepEstimator::fitted(double delay_s, bool with_delay) const {
   struct Equations {
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
     Eigen::Vector2d gain = Eigen::Vector2d::Zero();
@@ -275,7 +288,7 @@ std::optional<SweepEstimate::ByOdometry> SweepEstimator::compare_with_odometry()
     }
     Eigen::Vector2d solved() const { return (information + 1e-9 * Eigen::Matrix2d::Identity()).ldlt().solve(gain); }
   };
-  Eigen::Vector2d value(*start, 1.0), sigma;
+  Eigen::Vector2d value(delay_s, 1.0), sigma;
   for (int round = 0; round < kRounds; ++round) {
     std::vector<Equations> blocks(kBlocks);
     Equations all;
@@ -283,8 +296,8 @@ std::optional<SweepEstimate::ByOdometry> SweepEstimator::compare_with_odometry()
       const Pair& pair = pairs_[i];
       const auto turn = odometry_turn(pair, value.x()), sooner = odometry_turn(pair, value.x() - kMotion_s),
                  later = odometry_turn(pair, value.x() + kMotion_s);
-      if (!pair.fits || !turn || !sooner || !later) continue;
-      const Eigen::Vector2d slope(value.y() * 0.5 * (*later - *sooner) / kMotion_s, *turn);
+      if (!pair.fits || !turn || (with_delay && !(sooner && later))) continue;
+      const Eigen::Vector2d slope(with_delay ? value.y() * 0.5 * (*later - *sooner) / kMotion_s : 0.0, *turn);
       const double missed = wrap_angle(pair.first_from_second.phi - value.y() * *turn),
                    weight = robust(missed, kTurnSigma_rad);
       Equations one;

@@ -90,8 +90,10 @@ class SweepEstimator {
   std::optional<Pose2> odometry_at(Stamp stamp) const;
   std::optional<Pose2> odometry_velocity(Stamp stamp) const;
   std::optional<double> odometry_turn(const Pair& pair, double delay_s) const;
+  double agreement(double delay_s, double turn_scale) const;
   std::optional<double> likeliest_delay() const;
   std::optional<SweepEstimate::ByOdometry> compare_with_odometry() const;
+  std::optional<SweepEstimate::ByOdometry> fitted(double delay_s, bool with_delay) const;
   void take_velocities_from_odometry(double delay_s, double turn_scale);
   void evaluate();
   void decide(bool is_last);

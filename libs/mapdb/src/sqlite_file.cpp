@@ -47,7 +47,7 @@ void expect_sqlite_file(const fs::path& path, const std::string& kind, const std
 
 bool is_locked(const fs::path& path) {
   constexpr off_t kSharedLock = 0x40000002, kSharedLocks = 510;  // SQLite, os_unix.c: who writes locks these bytes
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // of a pipe too
   if (file < 0) return false;
   struct flock lock {};
   lock.l_type = F_RDLCK;

@@ -148,7 +148,7 @@ class SubmapMatcher {
     }
     return nearest;
   }
-  // Ties the node to the member nearest to where it was found, as belief may bend the submap.
+  // Constrains the node to the member nearest to where it was found, as belief may bend the submap.
   Constraint constraint_of(const ScanMatch& match, const Node& node) const {
     const std::size_t nearest = nearest_to(match.field_from_scan, &Member::submap_from_node);
     const NodeId& member_id = submap_.submap_from_node[nearest].first;

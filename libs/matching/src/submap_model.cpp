@@ -268,7 +268,8 @@ void SubmapModel::build_pyramid() {
     const int x1 = (below.first_x() + below.width() - 1) >> 2, y1 = (below.first_y() + below.height() - 1) >> 2;
     Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
     // Cell i of level 1 bounds the cells 4i .. 4i + 7 of level 0; above that, of level k the cells 4i, 4i + 2 .. 4i + 6
-    // of the level below, each of which bounds two blocks. Walls are few: each cell is told to the cells that bound it.
+    // of the level below, each of which bounds two blocks. Walls are few: each cell is written to the cells that bound
+    // it.
     const int stride = level == 1 ? 1 : 2;
     for (int y = below.first_y() + (stride == 2 ? below.first_y() & 1 : 0); y < below.first_y() + below.height();
          y += stride)
@@ -290,7 +291,7 @@ RingKey SubmapModel::key_at(const Pose2& pose, double ring_m) const {
     const int ring = static_cast<int>(std::hypot(wall.x - pose.x, wall.y - pose.y) / ring_m);
     if (ring < RingKey::kRings) key.walls[static_cast<std::size_t>(ring)] += 1.0F;
   }
-  // Share of the ring's circumference that is wall, compressed: many rings see few walls, and those tell most.
+  // Share of the ring's circumference that is wall, compressed: many rings see few walls, and those say most.
   for (int ring = 0; ring < RingKey::kRings; ++ring) {
     auto& value = key.walls[static_cast<std::size_t>(ring)];
     value = std::sqrt(value * static_cast<float>(WallField::kCellSide / (2.0 * M_PI * (ring + 0.5) * ring_m)));

@@ -1,13 +1,9 @@
 #include "byte_source.h"
 
-#include <fcntl.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
 #include <string>
 
@@ -21,35 +17,22 @@ constexpr const char* kCopyAgain = "copy the log again, or record again";
 }  // namespace
 
 ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)) {
-  struct stat status {};
-  if (::stat(path_.c_str(), &status) != 0) {
-    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(),
-                "check the path");
-  }
-  if (S_ISDIR(status.st_mode))
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path_, ignored))
     throw Error(ErrorCode::kBadInput, "is a folder; a log file was expected", path_.string(), "name the file in it");
-  file_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file_ < 0)
-    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(),
-                "check its permissions");
-  file_bytes_ = static_cast<std::uint64_t>(status.st_size);
+  file_ = std::make_unique<ReadableFile>(path_);
+  file_bytes_ = file_->bytes();
   const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(file_bytes_, kBufferBytes));
   packed_buffer_.resize(std::clamp(size, kLeastBytes, kPackedBytes));
   buffer_.resize(std::clamp(8 * size, kLeastBytes, kBufferBytes));
-  try {
-    packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
-    if (packed_end_ == 0)
-      throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");
-  } catch (...) {
-    ::close(file_);
-    throw;
-  }
+  packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
+  if (packed_end_ == 0)
+    throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");
   packed_ = packed_end_ >= 2 && packed_buffer_[0] == '\x1f' && packed_buffer_[1] == '\x8b';
 }
 
 ByteSource::~ByteSource() {
   if (member_open_) ::inflateEnd(&inflater_);
-  ::close(file_);
 }
 
 void ByteSource::rewind() {
@@ -58,22 +41,16 @@ void ByteSource::rewind() {
   begin_ = end_ = packed_begin_ = packed_end_ = 0;
   file_bytes_read_ = position_ = 0;
   damage_ = nullptr;
-  if (::lseek(file_, 0, SEEK_SET) != 0) {
+  if (!file_->rewind()) {
     throw Error(ErrorCode::kBadInput, "cannot be read twice (a pipe?); a file was expected", path_.string(),
                 "save it to a file first");
   }
 }
 
 std::size_t ByteSource::read_file(char* to, std::size_t count) {
-  for (;;) {
-    const ssize_t got = ::read(file_, to, count);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0)
-      throw Error(ErrorCode::kCorrupt, std::string("cannot be read: ") + std::strerror(errno), path_.string(),
-                  "check the disk");
-    file_bytes_read_ += static_cast<std::uint64_t>(got);
-    return static_cast<std::size_t>(got);
-  }
+  const std::size_t got = file_->read(to, count);
+  file_bytes_read_ += got;
+  return got;
 }
 
 void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {

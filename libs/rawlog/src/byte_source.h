@@ -1,12 +1,14 @@
 #pragma once
 // The bytes of a file, unpacked where it is gz, through one buffer.
 
+#include <mapweave/core/files.h>
 #include <zlib.h>
 
 #include <cstdint>
 #include <cstring>
 #include <exception>
 #include <filesystem>
+#include <memory>
 #include <string_view>
 #include <vector>
 
@@ -60,7 +62,7 @@ class ByteSource {
   void inflate_into(char* to, std::size_t count, std::size_t& got);
 
   std::filesystem::path path_;
-  int file_ = -1;
+  std::unique_ptr<ReadableFile> file_;
   bool packed_ = false, ended_ = false, member_open_ = false;
   std::uint64_t file_bytes_ = 0, file_bytes_read_ = 0, position_ = 0;
   std::vector<char> buffer_, packed_buffer_;

@@ -43,6 +43,13 @@ CalibrationFile::~CalibrationFile() = default;
 
 bool CalibrationFile::has(const std::string& key) const { return tree_->root[key].IsDefined(); }
 
+std::vector<std::string> CalibrationFile::keys() const {
+  std::vector<std::string> keys;
+  for (const auto& entry : tree_->root)
+    if (entry.first.IsScalar()) keys.push_back(entry.first.Scalar());
+  return keys;
+}
+
 Error CalibrationFile::wrong(const std::string& key, const std::string& what) const {
   const YAML::Node node = tree_->root[key];
   const std::string where = path_.string() + (node.IsDefined() ? ":" + std::to_string(node.Mark().line + 1) : "");

@@ -23,6 +23,7 @@ class CalibrationFile {
   CalibrationFile& operator=(const CalibrationFile&) = delete;
 
   bool has(const std::string& key) const;
+  std::vector<std::string> keys() const;        // of the top level, in the file's order
   double number(const std::string& key) const;  // finite, as all numbers here
   std::vector<double> numbers(const std::string& key, std::size_t least, std::size_t most) const;
   std::vector<double> numbers(const std::string& key, const std::string& key_within, std::size_t count) const;

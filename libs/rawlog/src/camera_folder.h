@@ -51,7 +51,8 @@ struct FolderPart {
 };
 
 struct FolderLayout {
-  const char* name;  // "TUM RGB-D folder"
+  const char* name;         // "TUM RGB-D folder"
+  bool truth_is_of_camera;  // the data set's ground truth follows the (left) camera's optical frame, else the body
   bool (*recognises)(const std::filesystem::path& folder);
   // Throws Error for what leaves nothing to read: a calibration or list that is missing or empty, pictures that never
   // pair.

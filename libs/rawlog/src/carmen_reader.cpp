@@ -34,9 +34,13 @@ class CarmenReader final : public RecordSource {
   bool read(std::vector<PlacedRecord>& records) override {
     for (;;) {
       auto fields = lines_.next();
-      if (!fields) return false;
+      if (!fields) {
+        damaged_.report(lines_);
+        return false;
+      }
       const auto keyword = fields->next();
       if (!keyword) continue;
+      damaged_.look_at(*keyword, lines_.line());
       if (is_laser_keyword(*keyword)) {
         parse_laser_line(*keyword, *fields, line_);
         const Stamp stamp = stamp_of_line(survey_, line_.ipc_stamp_s, line_.logger_stamp_s, *fields);
@@ -101,6 +105,7 @@ class CarmenReader final : public RecordSource {
   LaserSurvey survey_;
   LaserLineConverter converter_;
   LineReader lines_;
+  DamagedLines damaged_;
   LaserLine line_;
   std::optional<Stamp> last_odometry_;
 };

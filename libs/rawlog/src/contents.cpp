@@ -6,6 +6,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/rawlog/contents.h>
 #include <mapweave/rawlog/depth_delay.h>
+#include <mapweave/rawlog/unit_check.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
@@ -138,11 +139,16 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
   LogContents contents;
   contents.format = opened.format;
   std::vector<Sensor> sensors;
+  UnitCheck units;
+  const auto note = [&](const std::vector<UnitDoubt>& doubts) {
+    for (const UnitDoubt& doubt : doubts) contents.doubts.push_back(doubt.what + ": " + doubt.guess);
+  };
   while (const auto record = stream->next()) {
     const auto& observation = *record->observation;
     if (contents.observations % 256 == 0) throw_if_interrupted();
     if (contents.observations++ == 0) contents.first = record->stamp;
     contents.last = record->stamp;
+    note(units.add(*record));
     Sensor& found = sensor_of(observation, sensors);
     SensorContents& sensor = found.contents;
     if (sensor.count++ == 0) {
@@ -162,6 +168,7 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
       add_camera(observation, sensor.camera);
     }
   }
+  note(units.finish());
   contents.duration_s = seconds_between(contents.first, contents.last);
   for (auto& [class_id, sensor, last_odometry, length_m] : sensors) {
     const double seconds = seconds_between(sensor.first, sensor.last);

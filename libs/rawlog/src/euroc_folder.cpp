@@ -34,13 +34,15 @@ Camera read_camera(const std::filesystem::path& file) {
   const CalibrationFile sensor(file, kKeys);
   if (sensor.has("camera_model") && sensor.text("camera_model") != "pinhole")
     throw sensor.wrong("camera_model", "is '" + sensor.text("camera_model") + "'; pinhole is what is read");
-  const std::string model = sensor.text("distortion_model");
-  if (model != "radial-tangential" && model != "radtan" && model != "plumb_bob")
+  const bool is_straight = !sensor.has("distortion_model") && !sensor.has("distortion_coefficients");
+  const std::string model = is_straight ? "none" : sensor.text("distortion_model");
+  if (!is_straight && model != "radial-tangential" && model != "radtan" && model != "plumb_bob")
     throw sensor.wrong("distortion_model", "is '" + model + "'; radial-tangential is what is read");
   const auto resolution = sensor.numbers("resolution", 2, 2);
-  return {make_camera(resolution[0], resolution[1], sensor.numbers("intrinsics", 4, 4),
-                      sensor.numbers("distortion_coefficients", 4, 5), file.string()),
-          pose_in(sensor)};
+  return {
+      make_camera(resolution[0], resolution[1], sensor.numbers("intrinsics", 4, 4),
+                  is_straight ? std::vector<double>() : sensor.numbers("distortion_coefficients", 4, 5), file.string()),
+      pose_in(sensor)};
 }
 
 // Where the parts of one layout lie, relative to the folder.

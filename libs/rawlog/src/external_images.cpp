@@ -1,5 +1,6 @@
 #include "external_images.h"
 
+#include "jpeg_words.h"
 #include "picture_file.h"
 
 #include <mapweave/core/error.h>
@@ -49,6 +50,7 @@ void load(const mrpt::img::CImage& image, const mrpt::img::TCamera* calibration,
     require(file);
     if (is_png_or_jpeg(file)) look_at_picture(file);
   }
+  const PictureNamedToJpeg naming(where);
   try {
     image.forceLoad();
   } catch (const std::exception& problem) {

@@ -49,9 +49,14 @@ const Format& recognise(ByteSource& bytes) {
   for (const Format& format : formats())
     known +=
         (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
-  const bool zip = start.substr(0, 4) == "PK\x03\x04";
+  const std::string name = bytes.path().string();
+  std::string remedy = "convert it to one of them";
+  if (start.substr(0, 4) == "PK\x03\x04")
+    remedy = "unpack it first (unzip " + name + " -d FOLDER), then name the folder or the log in it";
+  else if (start.size() > 262 && start.substr(257, 5) == "ustar")
+    remedy = "unpack it first (tar -xf " + name + "), then name the folder or the log in it";
   const Error unknown(ErrorCode::kUnsupported, "is of no format that is read: " + known + ", each as it is or as .gz",
-                      bytes.path().string(), zip ? "unzip it first" : "convert it to one of them");
+                      bytes.path().string(), remedy);
   std::rethrow_exception(bytes.cause_of(std::make_exception_ptr(unknown)));
 }
 
@@ -75,6 +80,15 @@ std::string format_of_log(const std::filesystem::path& log) {
   if (std::filesystem::is_directory(log, ignored)) return recognise_folder(log).name;
   ByteSource bytes(log);
   return recognise(bytes).name;
+}
+
+bool truth_follows_camera(const std::filesystem::path& log) {
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(log, ignored)) return false;
+  const auto& layouts = folder_layouts();
+  const auto layout =
+      std::find_if(layouts.begin(), layouts.end(), [&](const FolderLayout& known) { return known.recognises(log); });
+  return layout != layouts.end() && layout->truth_is_of_camera;
 }
 
 }  // namespace mapweave::rawlog

@@ -32,9 +32,13 @@ class G2oReader final : public RecordSource {
   bool read(std::vector<PlacedRecord>& records) override {
     for (;;) {
       auto fields = lines_.next();
-      if (!fields) return false;
+      if (!fields) {
+        damaged_.report(lines_);
+        return false;
+      }
       const auto keyword = fields->next();
       if (!keyword) continue;
+      damaged_.look_at(*keyword, lines_.line());
       if (*keyword == "VERTEX_SE2") {
         vertex_ = fields->count("the vertex's number", kMostVertices);
       } else if (is_laser_keyword(*keyword)) {
@@ -114,6 +118,7 @@ class G2oReader final : public RecordSource {
   std::unordered_map<std::size_t, Pose2> steps_;  // i from i + 1, by i; looked up only
   LaserLineConverter converter_;
   LineReader lines_;
+  DamagedLines damaged_;
   LaserLine line_;
   std::optional<std::size_t> vertex_, at_;
   std::optional<Stamp> last_odometry_;

@@ -1,14 +1,26 @@
 #include "text_lines.h"
 
+#include <mapweave/core/log.h>
+
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <system_error>
+#include <utility>
 
 namespace mapweave::rawlog {
 namespace {
 
 constexpr std::size_t kFirstLook = 1 << 14, kLongestLine = 1 << 24;
+
+// For a message: a NUL would end it.
+std::string quoted(std::string_view field) {
+  std::string text(field.substr(0, 40));
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return "'" + text + "'";
+}
 
 }  // namespace
 
@@ -35,7 +47,7 @@ double Fields::any_number(const char* name) {
   double value = 0.0;
   const auto [end, problem] = std::from_chars(field.data(), field.data() + field.size(), value);
   if (end != field.data() + field.size() || (problem != std::errc{} && problem != std::errc::result_out_of_range)) {
-    throw error("'" + std::string(field.substr(0, 40)) + "' is no number; " + name + " was expected");
+    throw error(quoted(field) + " is no number; " + name + " was expected");
   }
   // Out of range is what is too large, infinite here, or too small, and then zero.
   if (problem == std::errc::result_out_of_range) value = std::strtod(std::string(field).c_str(), nullptr);
@@ -59,7 +71,7 @@ std::size_t Fields::count(const char* name, std::size_t most) {
 
 void Fields::expect_end(const char* what) {
   if (const auto more = next()) {
-    throw error("'" + std::string(more->substr(0, 40)) + "' follows where " + what +
+    throw error(quoted(*more) + " follows where " + what +
                 " should end; does the number of readings announced fit the line?");
   }
 }
@@ -91,6 +103,22 @@ std::optional<Fields> LineReader::next() {
                   place(line_ + 1), "check that the file is what its name says");
     }
   }
+}
+
+void DamagedLines::look_at(std::string_view keyword, std::uint64_t line) {
+  const auto is_capital = [](char c) {
+    return (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':';
+  };
+  if (keyword.front() == '#' || std::all_of(keyword.begin(), keyword.end(), is_capital)) return;
+  if (count_++ == 0) first_ = line;
+}
+
+void DamagedLines::report(const LineReader& lines) {
+  if (const std::uint64_t count = std::exchange(count_, 0); count > 0)
+    log(LogLevel::warning,
+        lines.place(first_) + ": " +
+            (count == 1 ? "a line is damaged and is left out"
+                        : "the first of " + std::to_string(count) + " lines that are damaged and are left out"));
 }
 
 }  // namespace mapweave::rawlog

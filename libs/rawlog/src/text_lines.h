@@ -50,6 +50,18 @@ class LineReader {
   std::size_t taken_ = 0;  // bytes of the last answer
 };
 
+// Lines of a text log that are none of its messages: no word of capital letters stands first (VERTEX_SE3:QUAT), nor a
+// comment's '#'.
+class DamagedLines {
+ public:
+  void look_at(std::string_view keyword, std::uint64_t line);
+  // Says once how many there were.
+  void report(const LineReader& lines);
+
+ private:
+  std::uint64_t count_ = 0, first_ = 0;
+};
+
 // Calls what(keyword) with the first field of each line of `start`, until it answers true; whether it did.
 template <class Function>
 bool any_line(std::string_view start, Function&& what) {

@@ -1,21 +1,71 @@
-// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for
-// the data set has none.
+// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours: the
+// data set has none, and its own cameras are known by the names of its folders.
 
 #include "calibration_file.h"
 #include "folder_split.h"
 #include "picture_lists.h"
 
 #include <mapweave/core/log.h>
+#include <mapweave/core/nearest_name.h>
 
+#include <algorithm>
 #include <cmath>
+#include <mutex>
+#include <set>
+#include <sstream>
 
 namespace mapweave::rawlog {
 namespace {
 
 constexpr const char* kKeys =
-    "width, height, fx, fy, cx, cy (pixels), distortion: [k1, k2, p1, p2, k3], depth_scale (steps of the depth "
+    "width, height, fx, fy, cx, cy (pixels), distortion: [k1, k2, p1, p2, k3] (without it: none), depth_scale (steps "
+    "of the depth "
     "pictures to the metre) and, "
     "where it is known, robot_from_camera: [x, y, z, qx, qy, qz, qw]";
+
+const std::vector<std::string>& known_keys() {
+  static const std::vector<std::string> keys = {"camera_model",
+                                                "width",
+                                                "height",
+                                                "fx",
+                                                "fy",
+                                                "cx",
+                                                "cy",
+                                                "distortion",
+                                                "distortion_model",
+                                                "depth_scale",
+                                                "depth_registered_to_color",
+                                                "robot_from_camera"};
+  return keys;
+}
+
+// The colour cameras of the data set, as its page and everybody who uses it have them.
+struct KnownCamera {
+  const char* name;  // part of the folders' names
+  std::vector<double> fx_fy_cx_cy, distortion;
+};
+constexpr double kKnownWidth = 640.0, kKnownHeight = 480.0, kKnownDepthScale = 5000.0;
+
+const std::vector<KnownCamera>& known_cameras() {
+  static const std::vector<KnownCamera> cameras = {
+      {"freiburg1",
+       {517.306408, 516.469215, 318.643040, 255.313989},
+       {0.262383, -0.953104, -0.005358, 0.002628, 1.163314}},
+      {"freiburg2",
+       {520.908620, 521.007327, 325.141442, 249.701764},
+       {0.231222, -0.784899, -0.003257, -0.000105, 0.917205}},
+      {"freiburg3", {535.4, 539.2, 320.1, 247.6}, {0.0, 0.0, 0.0, 0.0, 0.0}},
+  };
+  return cameras;
+}
+
+// Logs that are opened twice say things once.
+void say_once(const std::string& text) {
+  static std::mutex mutex;
+  static std::set<std::string> said;
+  const std::lock_guard lock(mutex);
+  if (said.insert(text).second) log(LogLevel::warning, text);
+}
 
 bool is_file(const std::filesystem::path& path) {
   std::error_code ignored;
@@ -32,12 +82,46 @@ mrpt::poses::CPose3D pose_of(const CalibrationFile& camera) {
   return mrpt::poses::CPose3D(rotation, pose[0], pose[1], pose[2]);
 }
 
+// By the name that the data set gives its folders: rgbd_dataset_freiburg1_rpy.
+bool take_known_camera(CameraFolder& found) {
+  const std::string name = std::filesystem::absolute(found.folder).lexically_normal().string();
+  const std::size_t slash = name.find_last_of('/', name.size() - 2);
+  for (const KnownCamera& camera : known_cameras()) {
+    if (name.find(camera.name, slash + 1) == std::string::npos) continue;
+    found.calibration = std::string("the calibration of TUM's ") + camera.name;
+    found.first = make_camera(kKnownWidth, kKnownHeight, camera.fx_fy_cx_cy, camera.distortion, camera.name);
+    found.depth_scale = kKnownDepthScale;
+    found.robot_from_first = looking_ahead();
+    say_once(found.folder.string() + ": there is no camera.yaml; by the folder's name the camera is that of TUM's " +
+             camera.name + ", whose calibration is used");
+    return true;
+  }
+  return false;
+}
+
+// A key that is nearly one that is missing was misspelt; others are of no use here.
+void check_keys(const CalibrationFile& camera) {
+  std::string unused;
+  for (const std::string& key : camera.keys()) {
+    const std::vector<std::string>& known = known_keys();
+    if (!camera.has("distortion") && (key.rfind("dist", 0) == 0 || key == "k1"))
+      throw camera.wrong(key, "is there, but no 'distortion'; a camera without any needs neither");
+    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+    const auto meant = nearest_name(key, known);
+    if (meant && !camera.has(*meant)) throw camera.wrong(key, "is unknown; did you mean '" + *meant + "'?");
+    unused += (unused.empty() ? "" : ", ") + key;
+  }
+  if (!unused.empty()) say_once(camera.path().string() + ": not used, as nobody here knows them: " + unused);
+}
+
 void read_calibration(CameraFolder& found) {
   found.calibration = found.folder / "camera.yaml";
+  if (!is_file(found.calibration) && take_known_camera(found)) return;
   const CalibrationFile camera(found.calibration, kKeys);
+  check_keys(camera);
   if (camera.has("camera_model") && camera.text("camera_model") != "pinhole")
     throw camera.wrong("camera_model", "is '" + camera.text("camera_model") + "'; pinhole is what is read");
-  const auto distortion = camera.numbers("distortion", 4, 5);
+  const auto distortion = camera.has("distortion") ? camera.numbers("distortion", 4, 5) : std::vector<double>();
   found.first = make_camera(camera.number("width"), camera.number("height"),
                             {camera.number("fx"), camera.number("fy"), camera.number("cx"), camera.number("cy")},
                             distortion, found.calibration.string());
@@ -128,6 +212,21 @@ CameraFolder read_tum_folder(const std::filesystem::path& folder, const ReadOpti
   return found;
 }
 
+namespace {
+
+std::string calibration_text(const CameraFolder& whole) {
+  const mrpt::img::TCamera& camera = whole.first;
+  std::ostringstream text;
+  text.precision(9);
+  text << "width: " << camera.ncols << "\nheight: " << camera.nrows << "\nfx: " << camera.fx()
+       << "\nfy: " << camera.fy() << "\ncx: " << camera.cx() << "\ncy: " << camera.cy() << "\ndistortion: ["
+       << camera.k1() << ", " << camera.k2() << ", " << camera.p1() << ", " << camera.p2() << ", " << camera.k3()
+       << "]\ndepth_scale: " << whole.depth_scale << "\n";
+  return text.str();
+}
+
+}  // namespace
+
 void write_tum_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out) {
   const std::string header = "# timestamp filename\n";
   std::string colour = header, depth = header, pairs;
@@ -147,6 +246,8 @@ void write_tum_part(const CameraFolder& whole, const FolderPart& part, const std
   if (is_file(whole.folder / "depth.txt")) write_list(out / "depth.txt", depth);
   if (is_file(whole.folder / "associations.txt")) write_list(out / "associations.txt", pairs);
   for (const char* name : {"camera.yaml", "groundtruth.txt"}) copy_if_there(whole, name, out);
+  if (!is_file(whole.folder / "camera.yaml"))
+    write_list(out / "camera.yaml", calibration_text(whole));  // parts have other names
 }
 
 }  // namespace mapweave::rawlog

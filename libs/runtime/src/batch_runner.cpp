@@ -1,7 +1,11 @@
+#include "given_maps.h"
+#include "log_parts.h"
 #include "map_robots.h"
 #include "metered_tiers.h"
 #include "results.h"
+#include "shared_cameras.h"
 
+#include <mapweave/core/format.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/merge_requests.h>
@@ -34,7 +38,7 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
 // The one that holds what the robot mapped; null where it left no map.
 const fusion::Component* component_of(const fusion::FusionResult& team, const RobotId& robot) {
   for (const fusion::Component& component : team.components)
-    if (std::find(component.members.begin(), component.members.end(), MapId(robot.str())) != component.members.end())
+    if (const auto robots = component.map.robots(); std::binary_search(robots.begin(), robots.end(), robot))
       return &component;
   return nullptr;
 }
@@ -88,6 +92,14 @@ void add(Results& results, const std::string& folder, const std::string& title, 
   if (dense && by_laser) results.add_dense(folder, title, map, cameras);
 }
 
+tiers::RobotUpdates updates_of(const tiers::RobotOutcome& outcome) {
+  tiers::RobotUpdates sent{outcome.robot, {}};
+  const TierId robot(outcome.robot.str());
+  if (outcome.map) sent.updates.push_back(tiers::first_update(*outcome.map, robot));
+  for (const Map& map : outcome.apart) sent.updates.push_back(tiers::first_update(map, robot));
+  return sent;
+}
+
 // A team's run. Each step leaves what the next one takes, in the order of the robots' names.
 class TeamRun {
  public:
@@ -126,6 +138,8 @@ class TeamRun {
   }
   void take(std::vector<std::optional<RobotResult>> robots);
   void take_starts();
+  FrameChoice frame_choice() const;
+  std::vector<const Map*> own_maps() const;
   void send_to_cloud(const std::vector<std::string>& updates, const std::string& from);
   void send_maps_of_robots();
   void report_work();
@@ -147,15 +161,17 @@ class TeamRun {
   std::vector<MeteredEdge> edges_;
   MeteredCloud cloud_;
   fusion::FusionResult team_;
+  std::vector<TeamFrame> frames_;  // of its components
 };
 
 // False: an interruption left robots without maps.
 bool TeamRun::map() {
   std::optional<CoordinatedRobots> coordinated;
   if (configuration_.coordinator.method != Coordination::none) coordinated.emplace(configuration_, plan_);
-  auto robots =
-      map_robots(configuration_, plan_, coordinated ? &*coordinated : nullptr, settings_.keep_going, pool_, progress_);
+  auto robots = map_robots(configuration_, plan_, coordinated ? &*coordinated : nullptr, {settings_.keep_going, false},
+                           pool_, progress_);
   if (coordinated) report_.coordination = coordinated->take_report();
+  if (const auto note = note_on_sharing(configuration_, plan_)) report_.notes.push_back(*note);
   const bool is_whole = std::all_of(robots.begin(), robots.end(), [](const auto& robot) { return robot.has_value(); });
   take(std::move(robots));
   if (!is_whole) acknowledge_interruption(report_, is_any_mapped());
@@ -172,6 +188,7 @@ void TeamRun::take(std::vector<std::optional<RobotResult>> robots) {
     report_.stages.push_back({plan_.robots[i].edge, "mapping " + plan_.robots[i].id.str(), robot.report.wall_seconds});
     report_.robots.push_back(std::move(robot.report));
     report_.work.robots.push_back(std::move(robot.work));
+    report_.notes.insert(report_.notes.end(), robot.notes.begin(), robot.notes.end());
     if (robot.input) inputs_.push_back(*robot.input);
     outcomes_.push_back(std::move(robot.outcome));
     cameras_.push_back(std::move(robot.cameras));
@@ -180,11 +197,43 @@ void TeamRun::take(std::vector<std::optional<RobotResult>> robots) {
 
 void TeamRun::take_starts() {
   std::vector<StartedMap> started;
-  for (const tiers::RobotOutcome& outcome : outcomes_)
-    if (outcome.map) started.push_back({&*outcome.map, robot_entry(configuration_, outcome.robot).start});
+  for (const PlannedRobot& robot : plan_.robots) {
+    if (robot.part && robot.part->number > 1) continue;
+    for (const tiers::RobotOutcome& outcome : outcomes_)
+      if (outcome.robot == robot.id && outcome.map)
+        started.push_back({&*outcome.map, robot_entry(configuration_, robot.robot()).start});
+  }
   priors_ = priors_of_starts(started);
+  const auto of_parts = priors_of_parts(plan_, outcomes_);
+  priors_.insert(priors_.end(), of_parts.begin(), of_parts.end());
   cloud_.set_priors(priors_);
   if (const auto alone = start_alone(started)) report_.notes.push_back(*alone);
+}
+
+// Robots' own maps in the order in which robots are listed.
+FrameChoice TeamRun::frame_choice() const {
+  FrameChoice choice;
+  std::vector<std::string> names;
+  for (const PlannedRobot& robot : plan_.robots) names.insert(names.end(), {robot.id.str(), robot.robot().str()});
+  choice.request = parse_frame(configuration_.team.frame, names, {ErrorCode::kBadInput, "team.frame"});
+  for (const RobotEntry& entry : effective(configuration_, given_).robots)
+    for (const tiers::RobotOutcome& outcome : outcomes_) {
+      const auto planned = std::find_if(plan_.robots.begin(), plan_.robots.end(),
+                                        [&](const PlannedRobot& robot) { return robot.id == outcome.robot; });
+      if (planned->robot().str() != entry.id) continue;
+      if (outcome.map) choice.given.push_back(given_map(*outcome.map, outcome.map->id.str()));
+      for (const Map& map : outcome.apart) choice.given.push_back(given_map(map, map.id.str()));
+    }
+  return choice;
+}
+
+std::vector<const Map*> TeamRun::own_maps() const {
+  std::vector<const Map*> maps;
+  for (const tiers::RobotOutcome& outcome : outcomes_) {
+    if (outcome.map) maps.push_back(&*outcome.map);
+    for (const Map& map : outcome.apart) maps.push_back(&map);
+  }
+  return maps;
 }
 
 void TeamRun::send_to_cloud(const std::vector<std::string>& updates, const std::string& from) {
@@ -204,7 +253,9 @@ void TeamRun::fuse_on_edges() {
       MeteredEdge edge(std::move(server), edge_entry(configuration_, id).speed);
       for (std::size_t i = 0; i < outcomes_.size(); ++i) {
         if (std::find(members.begin(), members.end(), outcomes_[i].robot) == members.end()) continue;
-        const auto effects = edge.step(outcomes_[i], pool_, progress_);
+        const auto effects = configuration_.mode == Mode::onboard
+                                 ? edge.step(updates_of(outcomes_[i]), pool_, progress_)
+                                 : edge.step(outcomes_[i], pool_, progress_);
         report_.work.robots[i].map_bytes = effects.map_bytes;
         send_to_cloud(effects.for_cloud, "edge " + id.str());
       }
@@ -219,9 +270,7 @@ void TeamRun::send_maps_of_robots() {
   for (std::size_t i = 0; i < outcomes_.size(); ++i) {
     if (configuration_.mode != Mode::cloud_only && !report_.work.robots[i].edge.empty()) continue;
     const std::string name = outcomes_[i].robot.str();
-    std::vector<std::string> updates;
-    if (outcomes_[i].map) updates.push_back(tiers::first_update(*outcomes_[i].map, TierId(name)));
-    for (const Map& map : outcomes_[i].apart) updates.push_back(tiers::first_update(map, TierId(name)));
+    const std::vector<std::string> updates = updates_of(outcomes_[i]).updates;
     send_to_cloud(updates, "robot " + name);
     report_.work.robots[i].map_bytes += bytes_of(updates);
   }
@@ -240,6 +289,7 @@ void TeamRun::judge_on_edges() {
 
 void TeamRun::finalize() {
   if (is_any_mapped()) team_ = cloud_.seal(pool_, progress_);
+  frames_ = choose_frames(frame_choice(), own_maps(), team_);
   report_work();
   report_.timeline = timeline({configuration_.mode, plan_.network, configuration_.processors, configuration_.cloud,
                                report_.coordination ? report_.coordination->recorded_s : 0.0, configuration_.seed},
@@ -262,16 +312,11 @@ void TeamRun::report_work() {
 }
 
 void TeamRun::write() {
-  std::vector<const Map*> own_maps;
   for (std::size_t i = 0; i < outcomes_.size(); ++i) {
     const std::string name = outcomes_[i].robot.str();
-    if (outcomes_[i].map) {
-      add(results_, "robots/" + name, "robot " + name, false, *outcomes_[i].map, cameras_[i]);
-      own_maps.push_back(&*outcomes_[i].map);
-    }
-    for (const Map& map : outcomes_[i].apart) own_maps.push_back(&map);
+    if (outcomes_[i].map) add(results_, "robots/" + name, "robot " + name, false, *outcomes_[i].map, cameras_[i]);
   }
-  results_.set_own_maps(own_maps);
+  results_.set_own_maps(own_maps());
   results_.set_requests(kept_requests(priors_, configuration_.fusion));
   write_edges();
   write_team();
@@ -281,22 +326,27 @@ void TeamRun::write() {
 void TeamRun::write_edges() {
   for (const MeteredEdge& edge : edges_) {
     const std::string name = edge.id().str();
-    report_.edges.push_back(Results::report_of(edge.id(), edge.result()));
-    results_.add_components({edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name}, edge.result(),
+    fusion::FusionResult fused = edge.result();
+    const std::vector<TeamFrame> frames = choose_frames(frame_choice(), own_maps(), fused);
+    report_.edges.push_back(Results::report_of(edge.id(), fused, frames));
+    results_.add_components({edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, frames}, fused,
                             cameras_, report_);
   }
 }
 
 void TeamRun::write_team() {
-  report_.team = Results::report_of(cloud_tier(), team_);
-  results_.add_components(team_place(), team_, cameras_, report_);
+  report_.team = Results::report_of(cloud_tier(), team_, frames_);
+  results_.add_components(team_place(frames_), team_, cameras_, report_);
   results_.set_own_maps({});
   for (const PushWork& pushed : report_.work.pushes) {
     const std::string name = pushed.robot.str();
     fusion::FusionResult pushed_map;
-    pushed_map.components = {*component_of(team_, pushed.robot)};
-    results_.add_components({TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " received it"},
-                            pushed_map, cameras_, report_);
+    const fusion::Component* component = component_of(team_, pushed.robot);
+    pushed_map.components = {*component};
+    const TeamFrame& frame = frames_[static_cast<std::size_t>(component - team_.components.data())];
+    results_.add_components(
+        {TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " received it", {frame}}, pushed_map,
+        cameras_, report_);
   }
 }
 
@@ -313,11 +363,20 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& given, con
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   RunPlan plan = given;
-  const auto robots = map_robots(configuration, plan, nullptr, settings.keep_going, pool, progress);
+  const auto robots = map_robots(configuration, plan, nullptr, {settings.keep_going, true}, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
   const RobotResult& robot = *robots.front();
+  if (robot.report.is_cut_short && !robot.outcome.map) acknowledge_interruption(report, false);
   report.robots = {robot.report};
   report.robots.front().edge = TierId();
+  report.notes = robot.notes;
+  if (robot.report.is_cut_short) {
+    report.interrupted = true;
+    report.notes.push_back(
+        format("robot %s: its log is cut short by an interruption after %.1f s; the map shows what came before",
+               robot.report.id.str().c_str(), robot.report.log_seconds));
+    results.set_cut_short(format("after %.1f s of the log", robot.report.log_seconds));
+  }
   report.stages.push_back({TierId(), "mapping", robot.report.wall_seconds});
   if (robot.outcome.map) {
     report.team.components = {{robot.outcome.map->id}};

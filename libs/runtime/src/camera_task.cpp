@@ -1,6 +1,7 @@
 #include <mapweave/runtime/camera_task.h>
 
 #include "sheet_collector.h"
+#include "unit_notes.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
@@ -76,7 +77,8 @@ class Camera {
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
       CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) -
                                                      sessions.begin())];
-      if (part.trajectories.empty()) part.trajectories.push_back({report_.label, {}});
+      if (part.trajectories.empty())
+        part.trajectories.push_back({report_.label, {}, packer_.rig()->robot_from_optical});
       part.trajectories.front().frames.push_back(
           {frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
     }
@@ -138,8 +140,10 @@ class Camera {
 std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, const std::vector<StampedPose>& odometry,
                                   const rig::RigOptions& options, std::vector<std::string>& notes) {
   std::vector<rig::RigMember> members;
+  std::map<std::string, Pose3> robot_from_optical;  // by label
   for (CameraMap& part : parts) {
     FrameTrajectory& trajectory = part.trajectories.front();
+    robot_from_optical[trajectory.label] = trajectory.robot_from_optical;
     members.push_back({trajectory.label, std::move(part.map), std::move(trajectory.frames)});
   }
   rig::RigMerge rig = rig::merge_rig(members, odometry, options);
@@ -153,7 +157,8 @@ std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, c
       const std::string& label = members[merged.members[i]].camera;
       auto trajectory = std::find_if(map.trajectories.begin(), map.trajectories.end(),
                                      [&](const FrameTrajectory& known) { return known.label == label; });
-      if (trajectory == map.trajectories.end()) trajectory = map.trajectories.insert(trajectory, {label, {}});
+      if (trajectory == map.trajectories.end())
+        trajectory = map.trajectories.insert(trajectory, {label, {}, robot_from_optical[label]});
       trajectory->frames.insert(trajectory->frames.end(), merged.frames[i].begin(), merged.frames[i].end());
       std::stable_sort(trajectory->frames.begin(), trajectory->frames.end(),
                        [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
@@ -212,11 +217,14 @@ struct CameraTask::State {
   rig::RigOptions rig;
   bool keep_going = false;
   std::deque<Camera> cameras;
+  UnitNotes units;
   std::unique_ptr<rawlog::ObservationStream> log;
   std::optional<ProgressTask> task;
   std::optional<rawlog::Record> next;
   std::optional<Error> trouble;
   double cpu_seconds = 0.0;
+
+  explicit State(const PlannedRobot& planned) : robot(planned), units(planned) {}
 
   // Runs what may meet trouble with the log; its end then.
   template <class Reading>
@@ -234,10 +242,9 @@ struct CameraTask::State {
 
 CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
                        Progress& progress)
-    : state_(new State) {
+    : state_(new State(robot)) {
   constexpr std::uint64_t kKilobyte = 1000;
   keep_room_for_pictures();
-  state_->robot = robot;
   state_->rig = configuration.rig;
   state_->keep_going = keep_going;
   for (const ChosenCamera& camera : robot.sensors.cameras)
@@ -262,9 +269,11 @@ void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& gi
     while (state.next && (!until || state.next->stamp < *until)) {
       throw_if_interrupted();
       if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
+      state.units.add(*state.next);
       for (Camera& camera : state.cameras) camera.add(*state.next);
       state.task->advance(state.log->bytes_read() / kKilobyte);
       state.next = state.log->next();
+      if (!state.next) state.units.finish();
     }
   });
 }
@@ -303,6 +312,7 @@ CamerasOutcome CameraTask::finish() {
   outcome.odometry.erase(std::unique(outcome.odometry.begin(), outcome.odometry.end(),
                                      [](const StampedPose& a, const StampedPose& b) { return a.stamp == b.stamp; }),
                          outcome.odometry.end());
+  outcome.doubts = state.units.notes();
   outcome.maps = merged_rig(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
   outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;

@@ -1,4 +1,5 @@
 #include "coordinated_robots.h"
+#include "planned_links.h"
 
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/metrics.h>
@@ -25,31 +26,19 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
   return model;
 }
 
-scheduling::CloudResources cloud_of(const RunConfiguration& configuration) {
-  const ProcessorOptions& processors = configuration.processors;
-  const std::string& at = configuration.cloud.at;
-  return {at.empty() ? processors.cloud_speed() : processors.edge_speed() * edge_entry(configuration, TierId(at)).speed,
-          configuration.cloud.edges_judge};
-}
-
 tiers::CoordinatorOptions options_of(const RunConfiguration& configuration, const RunPlan& plan) {
   tiers::CoordinatorOptions options;
   const auto method = static_cast<int>(configuration.coordinator.method) - static_cast<int>(Coordination::standard);
   options.plan.method = static_cast<scheduling::PlanMethod>(method);
   options.plan.seed = configuration.seed;
   options.plan.model = model_of(configuration, plan.model);
-  options.cloud = cloud_of(configuration);
+  options.cloud = planned_cloud(configuration);
   options.hysteresis = configuration.coordinator.hysteresis;
   return options;
 }
 static_assert(static_cast<int>(Coordination::exact) - static_cast<int>(Coordination::standard) ==
                   static_cast<int>(scheduling::PlanMethod::exact),
               "methods of a run are those of a plan");
-
-constexpr double kAnyBytesPerS = 1e12;  // of a wire without a bound
-double bytes_per_s(const transport::LinkState& wire) {
-  return wire.bytes_per_s > 0.0 ? wire.bytes_per_s * (1.0 - wire.loss) : kAnyBytesPerS;
-}
 
 }  // namespace
 
@@ -99,17 +88,19 @@ void CoordinatedRobots::report_edges_and_wires(double now_s) {
     EdgeIs edge;
     edge.edge = id;
     edge.speed = configuration_.processors.edge_speed() * entry.speed;
-    edge.bytes_per_s = kAnyBytesPerS, edge.delay_s = 0.0;  // where the cloud is
+    edge.bytes_per_s = kAnyBytesPerS;
+    edge.delay_s = 0.0;  // where the cloud is
     if (id.str() != cloud) {
       const transport::LinkState wire = state(id.str(), cloud, network.edge_cloud);
-      edge.bytes_per_s = bytes_per_s(wire), edge.delay_s = wire.delay_s;
+      edge.bytes_per_s = planned_bytes_per_s(wire);
+      edge.delay_s = wire.delay_s;
     }
     if (entry.capacity > 0) edge.capacity = static_cast<std::uint32_t>(entry.capacity);
     send(edge);
     for (const PlannedRobot& robot : plan_.robots) {
       if (coordinator_.edge_of().count(robot.id) == 0) continue;
       const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
-      send(LinkIs{robot.id, id, bytes_per_s(wire), wire.delay_s});
+      send(LinkIs{robot.id, id, planned_bytes_per_s(wire), wire.delay_s});
     }
   }
 }

@@ -35,6 +35,9 @@ Json verdict_of(const Json& merges, const std::string& one, const std::string& o
     if ((a == one && b == other) || (a == other && b == one)) found = &verdict;
   }
   if (found != nullptr) return *found;
+  if (names.empty())
+    throw Error(ErrorCode::kUsage, "no two maps were compared: there is nothing to explain", file.string(),
+                "merge the maps: mapweave merge");
   std::string list;
   for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
   for (const std::string& name : {one, other}) {
@@ -57,12 +60,10 @@ std::optional<Map> own_map(const fs::path& results, const std::string& name) {
         !input.maps.empty() && !(input.maps.front().submaps.empty() && input.maps.front().landmarks.empty());
     if (has_content) return std::move(input.maps.front());
   }
-  for (int i = 0;; ++i) {
-    const fs::path team = results / (i == 0 ? std::string("team") : "team-" + std::to_string(i)) / "map.mwdb";
-    if (!fs::exists(team, ignored)) return std::nullopt;
-    for (Map& map : read_map_input(team, MapId(name)).members)
+  for (const fs::path& team : team_folders(results))
+    for (Map& map : read_map_input(team / "map.mwdb", MapId(name)).members)
       if (map.id.str() == name) return std::move(map);
-  }
+  return std::nullopt;
 }
 
 // Landmarks of cameras as walls, seen from above; of a map with far outliers what most of them lie in.

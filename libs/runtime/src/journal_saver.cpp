@@ -18,7 +18,10 @@ constexpr std::chrono::seconds kUntilRetry{1};
 JournalSaver::JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes,
                            std::function<void()> on_room)
     : journal_(std::move(journal)), most_growth_bytes_(most_growth_bytes), on_room_(std::move(on_room)) {
-  if (journal_) short_bytes_ = journal_->bytes(), thread_ = std::thread([this] { run(); });
+  if (journal_) {
+    short_bytes_ = journal_->bytes();
+    thread_ = std::thread([this] { run(); });
+  }
 }
 
 void JournalSaver::save(std::vector<mapdb::JournalEntry> entries, std::function<void()> then) {
@@ -112,7 +115,10 @@ std::string JournalSaver::write(std::deque<Waiting>& batch) {
     for (const Waiting& saved : batch) entries.insert(entries.end(), saved.entries.begin(), saved.entries.end());
     journal_->append(entries);
     const std::uint64_t bytes = journal_->bytes();
-    if (bytes > short_bytes_ + std::max(short_bytes_, most_growth_bytes_)) is_long_ = true, short_bytes_ = bytes;
+    if (bytes > short_bytes_ + std::max(short_bytes_, most_growth_bytes_)) {
+      is_long_ = true;
+      short_bytes_ = bytes;
+    }
   } catch (const std::exception& error) {
     return error.what();
   }

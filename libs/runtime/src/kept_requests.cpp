@@ -71,7 +71,7 @@ void keep(const KeptRequests& kept, const std::vector<MapId>& maps, std::map<std
                                 {"sigma_rad", prior.sigma_rad}});
   if (!kept.options.empty()) json["options"] = kept.options;
   if (!kept.vocabulary.empty()) json["vocabulary"] = kept.vocabulary;
-  if (!json.empty()) metadata[kKey] = json.dump();
+  if (!json.empty()) metadata[kKey] = json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const std::string& where) {
@@ -100,9 +100,10 @@ KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const s
 void note_vocabulary(const KeptRequests& kept, const fusion::FusionOptions& options, std::vector<std::string>& notes) {
   if (kept.vocabulary == hash_of_given(options.visual.vocabulary)) return;
   const auto named = [](const std::string& hash) { return hash.empty() ? "the one that mapweave brings" : hash; };
-  notes.push_back("the team was made with another vocabulary (" + named(kept.vocabulary) +
-                  "); this merge recognises places by " + named(hash_of_given(options.visual.vocabulary)) +
-                  " (visual.vocabulary)");
+  const std::string note = "the team was made with another vocabulary (" + named(kept.vocabulary) +
+                           "); this merge recognises places by " + named(hash_of_given(options.visual.vocabulary)) +
+                           " (visual.vocabulary)";
+  if (std::find(notes.begin(), notes.end(), note) == notes.end()) notes.push_back(note);  // of each store of a team
 }
 
 void apply(const KeptRequests& kept, fusion::FusionInput& input, std::vector<std::string>& notes) {

@@ -5,6 +5,9 @@
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/tiers/robot_agent.h>
 
+#include "log_parts.h"
+#include "unit_notes.h"
+
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,6 +25,7 @@ struct LaserTask::State {
   std::optional<rawlog::Record> next;
   std::optional<ProgressTask> task;
   std::vector<std::string> sensed;  // kept for another edge
+  UnitNotes units;
   RobotWork work;
   double cpu_seconds = 0.0;
   std::optional<tiers::RobotOutcome> outcome;
@@ -35,7 +39,8 @@ struct LaserTask::State {
         keep_going(lives_with_trouble),
         is_remote(options.mode == Mode::offload),
         may_move(moves && is_remote),
-        agent(planned.id, options.laser.scan, planned.log.string()) {}
+        agent(planned.id, options.laser.scan, planned.log.string()),
+        units(planned) {}
 
   // Whatever goes wrong ends the stream; an interruption is thrown.
   template <class Work>
@@ -51,7 +56,7 @@ struct LaserTask::State {
   }
 
   void begin_mapping() {
-    slam.emplace(robot.id, laser::make_laser_mapper({robot.id, SensorId(std::string(robot.sensors.scans->name))},
+    slam.emplace(robot.id, laser::make_laser_mapper({robot.robot(), SensorId(std::string(robot.sensors.scans->name))},
                                                     configuration.laser, configuration.seed));
   }
 
@@ -67,8 +72,10 @@ struct LaserTask::State {
     (is_remote ? work.packing_s : work.mapping_s) += packed_s - before_s;
     work.sensed_bytes += bytes.size();
     if (!message) return;
+    units.look_at(*message);
+    const double looked_s = thread_cpu_seconds();
     auto ended = slam->step(is_remote ? decode_sensed(bytes, "what the robot sensed") : std::move(*message));
-    work.mapping_s += thread_cpu_seconds() - packed_s;
+    work.mapping_s += thread_cpu_seconds() - looked_s;
     if (may_move) sensed.push_back(std::move(bytes));
     if (ended) {
       outcome = std::move(*ended);
@@ -84,6 +91,7 @@ LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configur
   state_->guarded([&] {
     state_->begin_mapping();
     state_->log = rawlog::open_log(robot.log, configuration.reading);
+    if (robot.part) state_->log = part_of(std::move(state_->log), *robot.part);
     if (const auto as_scans = robot.sensors.scans->as_scans) state_->log = as_scans(std::move(state_->log));
     state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
     state_->next = state_->log->next();
@@ -105,9 +113,11 @@ void LaserTask::advance(std::optional<Stamp> until, const std::atomic<bool>& giv
     while (state.next && (!until || state.next->stamp < *until)) {
       throw_if_interrupted();
       if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
+      state.units.add(*state.next);
       state.carry([&] { return state.agent.step(*state.next); });
       state.task->advance(state.log->bytes_read() / kKilobyte);
       if (!state.outcome) state.next = state.log->next();
+      if (!state.next) state.units.finish();
     }
   });
 }
@@ -146,11 +156,13 @@ LaserOutcome LaserTask::finish() {
     if (!state.outcome) state.outcome = {state.robot.id, std::nullopt, state.trouble};
   }
   result.outcome = std::move(*state.outcome);
+  if (result.outcome.map && state.robot.part) result.outcome.map->id = MapId(state.robot.id.str());
   result.work = state.work;
   result.work.mapping_s += result.outcome.helper_cpu_seconds;
   result.scans = state.agent.scans();
   result.log_seconds = state.agent.seconds();
   result.cpu_seconds = state.cpu_seconds;
+  result.notes = state.units.notes();
   const laser::ScanPacker& packer = state.agent.packer();
   for (const auto& [label, count] : packer.ignored_lasers())
     log(LogLevel::info, "robot " + state.robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label +

@@ -66,8 +66,11 @@ void LiveCamera::refused(const std::string& why) {
 bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
   {
     const std::lock_guard lock(mutex_);
-    if (next_channel_)
-      channel_ = std::move(next_channel_), next_channel_.reset(), greeted_ = welcome_ = reported_too_long_ = false;
+    if (next_channel_) {
+      channel_ = std::move(next_channel_);
+      next_channel_.reset();
+      greeted_ = welcome_ = reported_too_long_ = false;
+    }
   }
   const auto run = client.run(place_);
   if (!run) return false;

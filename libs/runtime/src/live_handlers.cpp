@@ -54,7 +54,8 @@ void LiveMapServer::State::handle() {
       handle(wire, taken, more);
     }
     lock.lock();
-    wire->is_handled = false, wire->spent_s += spent_s;
+    wire->is_handled = false;
+    wire->spent_s += spent_s;
     add(wire->counts, more);
   }
 }
@@ -136,7 +137,9 @@ void LiveMapServer::State::update(const std::shared_ptr<Wire>& wire, const Wire:
   const SessionId& from = more.session;
   const std::string& bytes = taken.delivery.envelope.bytes;
   const double waited_s = seconds_since(taken.since);
-  ++more.updates, more.waited_s += waited_s, more.longest_wait_s = waited_s;
+  ++more.updates;
+  more.waited_s += waited_s;
+  more.longest_wait_s = waited_s;
   const Spending spending(more.update_s);
   MapUpdate decoded = decode_map_update(bytes, to_string(from));
   const Hold hold(*this);

@@ -99,7 +99,8 @@ ServerCounts LiveMapServer::counts() const {
     add(sum, wire->counts);
   }
   ServerCounts counts = state_->counts;
-  counts.longest_hold_s = longest_hold_s, counts.is_merging = is_merging,
+  counts.longest_hold_s = longest_hold_s;
+  counts.is_merging = is_merging;
   counts.saving_s = state_->saver->cpu_seconds();
   if (counts.trouble.empty()) counts.trouble = state_->saver->trouble();
   for (const auto& [session, client] : clients) counts.clients.push_back(client);

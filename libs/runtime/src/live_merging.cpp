@@ -6,7 +6,7 @@
 namespace mapweave::runtime {
 namespace {
 
-// But for those in names: what they count grows from merge to merge, while what a note tells is the same.
+// But for those in names: what they count grows from merge to merge, while the note itself stays the same.
 std::string without_numbers(const std::string& note) {
   std::string rest;
   bool is_quoted = false;
@@ -57,10 +57,12 @@ void LiveMapServer::State::merge_maps() {
     std::vector<std::string> notes;
     const std::string later = trouble_of([&] {
       const Hold hold(*this);
-      if (trouble.empty())
-        advance(), notes = maps.notes();
-      else
+      if (trouble.empty()) {
+        advance();
+        notes = maps.notes();
+      } else {
         maps.abandon();
+      }
     });
     work.reset();  // with what is no longer known
     note_merge(spent_s, lasted_s, trouble.empty() ? later : trouble, std::move(notes));
@@ -79,8 +81,12 @@ void LiveMapServer::State::note_merge(double spent_s, double lasted_s, const std
   for (const std::string& note : notes)
     if (noted.insert(without_numbers(note)).second) log(LogLevel::warning, note);
   const std::lock_guard counting(mutex);
-  if (trouble.empty()) ++counts.merges, counts.notes = std::move(notes);
-  counts.merging_s += spent_s, counts.trouble = trouble;
+  if (trouble.empty()) {
+    ++counts.merges;
+    counts.notes = std::move(notes);
+  }
+  counts.merging_s += spent_s;
+  counts.trouble = trouble;
   counts.longest_merge_s = std::max(counts.longest_merge_s, lasted_s);
 }
 

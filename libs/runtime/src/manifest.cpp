@@ -36,7 +36,8 @@ Hash hash_of_input(const std::filesystem::path& log) {
 }
 
 nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs,
-                                     const std::filesystem::path& folder) {
+                                     const std::filesystem::path& folder,
+                                     const std::map<std::string, MapIdentity>& maps) {
   using Json = nlohmann::ordered_json;
   std::map<std::string, std::string> checksums;  // by path within the folder
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
@@ -48,8 +49,19 @@ nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed
   for (const InputFile& input : inputs) input_list.push_back({{"path", input.path}, {"sha256", to_hex(input.sha256)}});
   for (const auto& [path, checksum] : checksums)
     (path == "summary.json" || path == "merges.json" ? outputs_with_times : outputs)[path] = checksum;
-  return {{"program", "mapweave"}, {"verb", verb},       {"versions", Json::parse(MAPWEAVE_VERSIONS)}, {"seed", seed},
-          {"inputs", input_list},  {"outputs", outputs}, {"outputs_with_times", outputs_with_times}};
+  Json map_list = Json::object();
+  for (const auto& [path, identity] : maps)
+    map_list[path] = {{"map_id", identity.id},
+                      {"map_version", std::to_string(identity.version)},
+                      {"content_hash", to_hex(identity.content)}};
+  return {{"program", "mapweave"},
+          {"verb", verb},
+          {"versions", Json::parse(MAPWEAVE_VERSIONS)},
+          {"seed", seed},
+          {"inputs", input_list},
+          {"maps", map_list},
+          {"outputs", outputs},
+          {"outputs_with_times", outputs_with_times}};
 }
 
 }  // namespace mapweave::runtime

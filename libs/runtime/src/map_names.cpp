@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <utility>
+#include <vector>
 
 namespace mapweave::runtime {
 namespace {
@@ -96,18 +98,48 @@ Map rekeyed(const Map& map, MapId id, const std::function<RobotId(RobotId)>& ren
   return result;
 }
 
+namespace {
+
+// "alpha.2" of robot alpha: a part of its log, which another edge mapped (partial offloading).
+bool is_part_of(const Map& map, const RobotId& robot) {
+  const std::string &id = map.id.str(), start = robot.str() + ".";
+  return id.size() > start.size() && id.compare(0, start.size(), start) == 0 &&
+         id.find_first_not_of("0123456789", start.size()) == std::string::npos;
+}
+
+std::pair<Stamp, Stamp> time_of(const Map& map) {
+  const auto [first, last] = std::minmax_element(
+      map.nodes.begin(), map.nodes.end(), [](const auto& a, const auto& b) { return a.second.stamp < b.second.stamp; });
+  return {first->second.stamp, last->second.stamp};
+}
+
+// Parts of one log come one after the other. Their robot is one, and keeps its name.
+bool are_parts(std::vector<const Map*> maps, const RobotId& robot) {
+  for (const Map* map : maps)
+    if (map->robots().size() != 1 || !is_part_of(*map, robot)) return false;
+  std::sort(maps.begin(), maps.end(), [](const Map* a, const Map* b) { return time_of(*a) < time_of(*b); });
+  for (std::size_t i = 0; i + 1 < maps.size(); ++i)
+    if (!(time_of(*maps[i]).second < time_of(*maps[i + 1]).first)) return false;
+  return true;
+}
+
+}  // namespace
+
 std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::string>& notes) {
   std::sort(maps.begin(), maps.end(), [](const Map& a, const Map& b) { return a.id < b.id; });
-  std::map<RobotId, int> owners;
+  std::map<RobotId, std::vector<const Map*>> holders;
   for (const Map& map : maps)
-    for (const RobotId robot : map.robots()) ++owners[robot];
-  std::set<RobotId> taken;
-  for (const auto& [robot, count] : owners) taken.insert(robot);
+    for (const RobotId robot : map.robots()) holders[robot].push_back(&map);
+  std::set<RobotId> taken, shared;
+  for (const auto& [robot, holding] : holders) {
+    taken.insert(robot);
+    if (holding.size() > 1 && !are_parts(holding, robot)) shared.insert(robot);
+  }
   for (Map& map : maps) {
     const std::vector<RobotId> robots = map.robots();
     std::map<RobotId, RobotId> renamed;
     for (const RobotId robot : robots) {
-      if (owners[robot] < 2 || (robots.size() == 1 && map.id.str() == robot.str())) continue;
+      if (shared.count(robot) == 0 || (robots.size() == 1 && map.id.str() == robot.str())) continue;
       const std::string base = robots.size() == 1 ? map.id.str() : map.id.str() + "." + robot.str();
       const RobotId name = take_name(base, taken);
       renamed.emplace(robot, name);

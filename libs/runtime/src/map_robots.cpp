@@ -1,5 +1,6 @@
 #include "map_robots.h"
 
+#include "log_parts.h"
 #include "shared_cameras.h"
 
 #include <mapweave/core/interrupt.h>
@@ -11,19 +12,21 @@ namespace {
 // Bad input is somebody's to mend before half a team's map looks like a whole one; a helper that died is not.
 bool ends_the_run(const RobotResult& robot, bool keep_going) {
   const auto& trouble = robot.outcome.trouble;
-  return trouble && !keep_going && trouble->code() != ErrorCode::kHelperFailed;
+  return trouble && !keep_going && trouble->code() != ErrorCode::kHelperFailed && !robot.report.is_cut_short;
 }
 
 }  // namespace
 
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, RunPlan& plan,
-                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool,
-                                                   Progress& progress) {
+                                                   CoordinatedRobots* coordinated, const EarlyEnds& ends,
+                                                   WorkerPool& pool, Progress& progress) {
+  const bool keep_going = ends.keep_going;
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;
   std::map<RobotId, LaserOutcome> lasers;
   try {
     choose_sensors(plan, configuration, pool);
+    divide_logs(plan, configuration.reading, pool);
     if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
     if (configuration.server.share != tiers::Sharing::none)
       shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
@@ -37,10 +40,12 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
       MappedTogether mapped;
       if (laser != lasers.end()) mapped.laser = std::move(laser->second);
       if (cameras != shared.end()) mapped.cameras = std::move(cameras->second);
-      RobotResult result = map_robot(plan.robots[i], {configuration, keep_going, give_up, progress}, std::move(mapped));
+      RobotResult result =
+          map_robot(plan.robots[i], {configuration, keep_going, ends.saves_part, give_up, progress}, std::move(mapped));
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
     } catch (const Interrupted&) {
+      if (ends.saves_part) throw;
       return std::nullopt;
     }
   });

@@ -1,14 +1,19 @@
+#include "given_maps.h"
 #include "kept_requests.h"
 #include "results.h"
 
+#include <mapweave/core/interrupt.h>
 #include <mapweave/core/renamed_options.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/map_names.h>
 #include <mapweave/runtime/merge_runner.h>
 
 #include <algorithm>
+#include <atomic>
 #include <functional>
 #include <map>
+#include <memory>
+#include <optional>
 #include <tuple>
 
 namespace mapweave::runtime {
@@ -16,23 +21,32 @@ namespace {
 
 struct Inputs {
   std::vector<Map> maps;
+  std::vector<GivenMap> given;  // in that order
   std::vector<InputFile> files;
   std::vector<std::string> notes;
-  std::vector<KeptRequests> kept;  // of each team's store
+  std::vector<KeptRequests> kept;          // of each team's store
+  std::map<MapId, std::string> cut_short;  // where an interruption ended the log of a map
+};
+
+struct GivenPaths {
+  std::vector<std::filesystem::path> paths;
+  std::vector<std::string> given_as;  // of each, what a folder of results is called; else empty
 };
 
 // Of a folder of results: the stores of its teams, which hold the robots' own maps.
-std::vector<std::filesystem::path> with_teams_of_results(const std::vector<std::filesystem::path>& paths) {
-  std::vector<std::filesystem::path> result;
+GivenPaths with_teams_of_results(const std::vector<std::filesystem::path>& paths) {
+  GivenPaths result;
   for (const std::filesystem::path& path : paths) {
     std::error_code ignored;
-    if (!std::filesystem::exists(path / "team/map.mwdb", ignored)) {
-      result.push_back(path);
-      continue;
+    const std::vector<std::filesystem::path> teams = team_folders(path);
+    const std::string name = name_of_file(std::filesystem::weakly_canonical(path, ignored));
+    for (const std::filesystem::path& team : teams) {
+      result.given_as.push_back(team == teams.front() ? name : name + "/" + team.filename().string());
+      result.paths.push_back(team / "map.mwdb");
     }
-    result.push_back(path / "team/map.mwdb");
-    for (int i = 1; std::filesystem::exists(path / ("team-" + std::to_string(i)) / "map.mwdb", ignored); ++i)
-      result.push_back(path / ("team-" + std::to_string(i)) / "map.mwdb");
+    if (!teams.empty()) continue;
+    result.paths.push_back(path);
+    result.given_as.emplace_back();
   }
   return result;
 }
@@ -41,6 +55,9 @@ struct NamedInput {
   std::filesystem::path path;
   MapId name;  // of the file
   MapInput content;
+  std::string given_as;               // as people call it: of a folder of results that one's name
+  std::vector<MapId> held = {};       // its maps, as they are called here
+  std::optional<GivenMap> team = {};  // where it holds the robots' own maps
 };
 
 KeptRequests renamed_in(const KeptRequests& kept, const std::function<MapId(const MapId&)>& renamed) {
@@ -74,6 +91,30 @@ void apply_options(const std::vector<KeptRequests>& kept, const Origins& origins
   }
 }
 
+// Where a team's map has the nodes of the robots' own maps that it was made of, first of the one by which it got its
+// frame.
+GivenMap given_team(const NamedInput& input, const std::function<MapId(const MapId&)>& renamed) {
+  GivenMap given{input.given_as, input.content.identity, {}};
+  const MapId first = frame_kept_by(input.content.metadata);
+  for (const Map& own : input.content.members) {
+    GivenMap::Member member{renamed(own.id), {}};
+    std::size_t place = 0;
+    for (const auto& [id, node] : own.nodes) {
+      if (const Node* in_team = input.content.maps.front().nodes.find(id))
+        member.poses.emplace_back(place, in_team->map_from_node);
+      ++place;
+    }
+    given.members.insert(own.id == first ? given.members.begin() : given.members.end(), std::move(member));
+  }
+  return given;
+}
+
+// What its store says of a map whose log an interruption cut short goes on with the map.
+void take_cut_short(const MapInput& content, const std::string& key, const MapId& id, Inputs& inputs) {
+  if (const auto found = content.metadata.find(key); found != content.metadata.end())
+    inputs.cut_short[id] = found->second;
+}
+
 // Members of teams keep their names, unless something else has the same.
 void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
   std::map<MapId, int> holders;
@@ -85,13 +126,33 @@ void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
     const auto renamed = [&](const MapId& id) {
       return holders[id] > 1 ? MapId(input.name.str() + "." + id.str()) : id;
     };
-    if (!input.content.members.empty())
-      inputs.kept.push_back(renamed_in(kept_in(input.content.metadata, input.path.string()), renamed));
+    if (input.content.members.empty()) continue;
+    if (input.content.maps.size() == 1) input.team = given_team(input, renamed);
+    inputs.kept.push_back(renamed_in(kept_in(input.content.metadata, input.path.string()), renamed));
     for (Map& member : input.content.members) {
+      take_cut_short(input.content, cut_short_key(member.id), renamed(member.id), inputs);
       member.id = renamed(member.id);
+      input.held.push_back(member.id);
       inputs.maps.push_back(std::move(member));
     }
   }
+}
+
+// In the order in which maps were given, of what was not left out. Maps of robots that got other names have the order
+// of their nodes.
+std::vector<GivenMap> given_in_order(std::vector<NamedInput>& read, const std::vector<Map>& maps) {
+  std::vector<GivenMap> given;
+  for (NamedInput& input : read) {
+    if (input.team) {
+      given.push_back(std::move(*input.team));
+      continue;
+    }
+    for (const MapId& id : input.held) {
+      const auto map = std::find_if(maps.begin(), maps.end(), [&](const Map& one) { return one.id == id; });
+      if (map != maps.end()) given.push_back(given_map(*map, id.str(), input.content.identity));
+    }
+  }
+  return given;
 }
 
 void expect_one_robot_each(const NamedInput& input, const MergeRequests& requests) {
@@ -107,11 +168,12 @@ void expect_one_robot_each(const NamedInput& input, const MergeRequests& request
 
 Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeRequests& requests) {
   Inputs inputs;
-  const std::vector<std::filesystem::path> paths = with_teams_of_results(given);
+  const auto [paths, given_as] = with_teams_of_results(given);
   const std::vector<MapId> names = names_of(paths);
   std::vector<NamedInput> read;
   for (std::size_t i = 0; i < paths.size(); ++i)
-    read.push_back({paths[i], names[i], read_map_input(paths[i], names[i])});
+    read.push_back(
+        {paths[i], names[i], read_map_input(paths[i], names[i]), given_as[i].empty() ? names[i].str() : given_as[i]});
   for (NamedInput& input : read) {
     inputs.notes.insert(inputs.notes.end(), input.content.notes.begin(), input.content.notes.end());
     for (const std::filesystem::path& file : input.content.files)
@@ -121,6 +183,8 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
     std::vector<Map>& maps = input.content.maps;
     for (Map& map : maps) {
       map.id = maps.size() == 1 ? input.name : MapId(input.name.str() + "." + map.id.str());
+      take_cut_short(input.content, kCutShortKey, map.id, inputs);
+      input.held.push_back(map.id);
       inputs.maps.push_back(std::move(map));
     }
     if (input.name.str() != name_of_file(input.path))
@@ -134,10 +198,25 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
     for (const std::string& name : requests.without) left_out += (left_out.empty() ? "" : ", ") + name;
     inputs.notes.push_back("left out: " + left_out);
   }
+  for (const Map& map : inputs.maps)
+    if (const auto found = inputs.cut_short.find(map.id); found != inputs.cut_short.end())
+      inputs.notes.push_back(map.id.str() + ": its log was cut short by an interruption, " + found->second);
   inputs.maps = with_robots_apart(std::move(inputs.maps), inputs.notes);
-  std::sort(inputs.files.begin(), inputs.files.end(),
-            [](const InputFile& a, const InputFile& b) { return a.path < b.path; });
+  inputs.given = given_in_order(read, inputs.maps);
   return inputs;
+}
+
+// By the names of what was given, of its maps, and of their robots.
+FrameRequest frame_request(const std::string& text, const Inputs& inputs) {
+  std::vector<std::string> names;
+  for (const GivenMap& given : inputs.given) names.push_back(given.name);
+  for (const Map& map : inputs.maps) {
+    names.push_back(map.id.str());
+    if (const auto robots = map.robots(); robots.size() == 1) names.push_back(robots.front().str());
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return parse_frame(text, names, {ErrorCode::kUsage, "--frame"});
 }
 
 }  // namespace
@@ -152,6 +231,8 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   report.notes = inputs.notes;
   apply_options(inputs.kept, settings.origins, configuration, report.notes);
 
+  const FrameChoice frame{frame_request(configuration.team.frame, inputs), inputs.given};
+
   fusion::FusionInput input;
   input.by = cloud_tier();
   input.maps = inputs.maps;
@@ -163,16 +244,36 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   // What is said counts the same in any order.
   std::sort(input.priors.begin(), input.priors.end(),
             [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
+  input.early_end = std::make_shared<std::atomic<bool>>(false);
   fusion::Memo memo;
-  const fusion::FusionResult team = fusion::fuse(input, configuration.fusion, memo, pool, progress);
-  report.team = Results::report_of(cloud_tier(), team);
+  const auto interrupted_early = [&] {
+    return Interrupted("interrupted while " + std::to_string(input.maps.size()) +
+                       " maps were compared: nothing was written; the maps given, and what is in " +
+                       settings.out.string() + ", are as they were");
+  };
+  fusion::FusionResult team;
+  try {
+    team = fusion::fuse(input, configuration.fusion, memo, pool, progress);
+  } catch (const Interrupted&) {
+    throw interrupted_early();
+  }
+  if (*input.early_end) {
+    if (team.components.size() == input.maps.size()) throw interrupted_early();
+    report.interrupted = true;
+    report.notes.push_back(
+        "an interruption ended the comparison of maps early: what was found until then decides, and maps that stay "
+        "apart may belong together; merge again to compare the rest");
+  }
 
+  results.set_cut_short(inputs.cut_short);
   for (const Map& map : inputs.maps) results.add_map("robots/" + map.id.str(), "map " + map.id.str(), map);
   std::vector<const Map*> own_maps;
   for (const Map& map : inputs.maps) own_maps.push_back(&map);
+  const std::vector<TeamFrame> frames = choose_frames(frame, own_maps, team);
+  report.team = Results::report_of(cloud_tier(), team, frames);
   results.set_own_maps(own_maps);
   results.set_requests(kept_requests(input, configuration.fusion));
-  results.add_components(team_place(), team, {}, report);
+  results.add_components(team_place(frames), team, {}, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;
 }

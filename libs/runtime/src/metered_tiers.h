@@ -34,8 +34,10 @@ class MeteredEdge {
     work_.speed = speed;
   }
 
-  tiers::EdgeServer::Effects step(const tiers::RobotOutcome& outcome, WorkerPool& pool, Progress& progress) {
-    auto effects = metered(work_.fusing_s, [&] { return edge_.step(outcome, pool, progress); });
+  // `ended`: a RobotOutcome or RobotUpdates.
+  template <class Ended>
+  tiers::EdgeServer::Effects step(const Ended& ended, WorkerPool& pool, Progress& progress) {
+    auto effects = metered(work_.fusing_s, [&] { return edge_.step(ended, pool, progress); });
     work_.bytes += bytes_of(effects.for_cloud);
     return effects;
   }

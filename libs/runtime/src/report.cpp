@@ -161,14 +161,41 @@ Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::Pair
           {"seconds", verdict.seconds}};
 }
 
+Json pose_json(const Pose3& pose) {
+  if (is_planar({pose, 1.0})) {
+    const Pose2 flat = planar(pose);
+    return {{"x", flat.x}, {"y", flat.y}, {"yaw", flat.phi}};
+  }
+  const Eigen::Quaterniond& q = pose.q;
+  return {{"t", {pose.t.x(), pose.t.y(), pose.t.z()}}, {"q", {q.x(), q.y(), q.z(), q.w()}}};
+}
+
+// Which frame a team has, and where its members' map frames lie in it.
+Json frame_json(const TeamFrame& frame, const Table<MapId, Pose3>& team_from_maps) {
+  static constexpr const char* kKinds[] = {"first", "named", "walls", "given"};
+  Json members = Json::object();
+  for (const auto& [map, pose] : team_from_maps) members[map.str()] = pose_json(pose);
+  return {{"of", frame.of},
+          {"kind", kKinds[static_cast<std::size_t>(frame.kind)]},
+          {"words", in_words(frame)},
+          {"kept_by", frame.by.str()},
+          {"team_from_given", pose_json(spatial(frame.team_from_given))},
+          {"moved_m", frame.moved_m},
+          {"most_moved_m", frame.most_moved_m},
+          {"team_from_maps", members}};
+}
+
 Json fusion_json(const FusionReport& fusion) {
-  Json members = Json::array();
+  Json members = Json::array(), frames = Json::array();
   for (const auto& component : fusion.components) members.push_back(names_json(component));
+  for (std::size_t i = 0; i < fusion.frames.size(); ++i)
+    frames.push_back(frame_json(fusion.frames[i], fusion.team_from_maps[i]));
   return {{"components", fusion.components.size()},
           {"merged_pairs", pairs(fusion, Decision::accepted)},
           {"refused_pairs", pairs(fusion, Decision::refused)},
           {"deferred_pairs", pairs(fusion, Decision::deferred)},
-          {"members", members}};
+          {"members", members},
+          {"frames", frames}};
 }
 
 Json coordination_json(const CoordinationReport& report, const std::optional<Timeline>& timeline) {
@@ -255,12 +282,12 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
     for (const auto& move : decision.moves)
       text += format("%s %s to %s", &move == &decision.moves.front() ? "" : ",", move.robot.str().c_str(),
                      move.to.empty() ? "itself, on board" : move.to.str().c_str());
-    text += format("; all there after %.3g s", decision.expected_s);
+    text += format("; map expected complete after %.3g s", decision.expected_s);
     if (decision.is_new_plan && decision.at_s > 0.0) text += format(" instead of %.3g s", decision.staying_s);
     text += "\n";
   }
   if (timeline && !report.decisions.empty())
-    text += format("coordinator: all was expected after %.3g s and came after %.3g s\n",
+    text += format("coordinator: map expected complete after %.3g s, was complete after %.3g s\n",
                    report.decisions.back().expected_s, timeline->total_s);
   return text;
 }
@@ -287,11 +314,12 @@ Json summary_json(const Report& report) {
     for (const CameraReport& camera : robot.cameras) line["cameras"].push_back(camera_json(camera));
     if (!robot.rig.cameras.empty())
       line["rig"] = {{"cameras", robot.rig.cameras},
-                     {"ties", robot.rig.constraints},
+                     {"extrinsic_constraints", robot.rig.constraints},
                      {"apart_before_m", robot.rig.apart_before_m},
                      {"apart_after_m", robot.rig.apart_after_m},
                      {"optimised", robot.rig.optimised}};
     if (!robot.edge.empty()) line["edge"] = robot.edge.str();
+    if (robot.is_cut_short) line["cut_short"] = true;
     if (robot.trouble) line["trouble"] = robot.trouble->what();
     robots.push_back(line);
   }
@@ -361,7 +389,21 @@ std::string in_words(const FusionReport& fusion, const std::string& who) {
   return text;
 }
 
-std::string in_words(const Report& report, const std::string& folder) {
+// The frames that somebody who looks at a merged map has to know.
+std::string frames_in_words(const FusionReport& team) {
+  std::string text;
+  for (std::size_t i = 0; i < team.frames.size(); ++i) {
+    const bool is_plain = team.components[i].size() == 1 && team.frames[i].kind != FrameRequest::Kind::walls &&
+                          team.frames[i].kind != FrameRequest::Kind::given;
+    if (is_plain && team.frames.size() > 1) continue;
+    text += i == 0 ? "team" : "team-" + std::to_string(i);
+    text += ": " + in_words(team.frames[i]) + "\n";
+  }
+  return text;
+}
+
+std::string in_words(const Report& report, const std::string& asked) {
+  const std::string& folder = report.saved_at.empty() ? asked : report.saved_at;
   std::string text;
   for (const RobotReport& robot : report.robots) {
     text += in_words(robot);
@@ -371,6 +413,7 @@ std::string in_words(const Report& report, const std::string& folder) {
   if (report.coordination) text += in_words(*report.coordination, report.timeline);
   for (const FusionReport& edge : report.edges) text += in_words(edge, "edge " + edge.tier.str());
   text += in_words(report.team, report.team.tier.str());
+  text += frames_in_words(report.team);
   for (const std::string& note : report.notes) text += "note: " + note + "\n";
   if (report.interrupted) text += "interrupted: what was finished is saved\n";
   const std::size_t components = report.team.components.size();

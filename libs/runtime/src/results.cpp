@@ -1,13 +1,18 @@
 #include "results.h"
+#include "given_maps.h"
 #include "team_trajectories.h"
+#include "trajectory_output.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/core/log.h>
 #include <mapweave/exporters/g2o_file.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/exporters/top_view.h>
 #include <mapweave/exporters/trajectory_files.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/metrics.h>
+#include <mapweave/runtime/results_page.h>
 
 #include <nlohmann/json.hpp>
 
@@ -31,9 +36,17 @@ mapdb::StoredMaps stored(const fusion::Component& component, const fusion::Fusio
   };
   for (const Verdict& verdict : fused.verdicts)
     if (is_member(verdict.a) || is_member(verdict.b)) result.verdicts.push_back(verdict);
-  result.metadata["program"] = "mapweave " + program_version();
   if (!result.members.empty()) keep(requests, component.members, result.metadata);
   return result;
+}
+
+// Results that are a part themselves.
+bool is_interrupted(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  const std::filesystem::path manifest = folder / "manifest.json";
+  if (!std::filesystem::is_regular_file(manifest, ignored)) return false;
+  const auto json = nlohmann::json::parse(read_file(manifest), nullptr, false);
+  return json.is_object() && json.value("interrupted", nlohmann::json()) == true;
 }
 
 }  // namespace
@@ -60,16 +73,16 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
 }
 
 void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
-                   const std::vector<exporters::PictureMark>& conflicts) {
+                   const MapIdentity& identity, const std::vector<exporters::PictureMark>& conflicts) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
-  options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
+  options.identity = identity;
+  options.files.robot_trajectories = robot_trajectories;
   const std::size_t notes = notes_.size();
   const bool is_drawn = configuration_.output.png || configuration_.output.pgm;
   const OccupancyGrid grid = is_drawn ? grid_of(title, map) : OccupancyGrid();
-  if (is_drawn && grid.log_odds.empty() && !interrupted_ && notes_.size() == notes)
+  if (is_drawn && grid.log_odds.empty() && map.landmarks.empty() && !interrupted_ && notes_.size() == notes)
     notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
-  if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
   if (conflicts.empty() || !configuration_.output.png || grid.empty()) return;
   options.picture.title = title + ": walls of a map that was taken apart, seen through by another";
   write_file(folder_.staging() / folder / "conflicts.png",
@@ -78,38 +91,39 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
   const Stopwatch watch;
-  draw(folder, title, false, map);
-  store(folder, map);
+  draw(folder, title, false, map, store(folder, map));
   output_seconds_ += watch.seconds();
 }
 
-void Results::store(const std::string& folder, const Map& map) {
-  mapdb::StoredMaps stored;
-  stored.maps = {map};
+MapIdentity Results::store(const std::string& folder, mapdb::StoredMaps stored, const MapIdentity& continued) {
+  const std::filesystem::path path = std::filesystem::path(folder) / "map.mwdb";
   stored.metadata["program"] = "mapweave " + program_version();
-  mapdb::write_store(folder_.staging() / folder / "map.mwdb", stored);
+  const MapIdentity identity = next_version(continued, mapdb::identity(stored));
+  keep(identity, stored.metadata);
+  if (!cut_short_.empty()) stored.metadata[kCutShortKey] = cut_short_;
+  for (const auto& [id, where] : cut_short_maps_) {
+    const auto is_it = [&id = id](const mapdb::MemberMap& member) { return member.own.id == id; };
+    if (std::any_of(stored.members.begin(), stored.members.end(), is_it)) stored.metadata[cut_short_key(id)] = where;
+    if (stored.members.empty() && stored.maps.front().id == id) stored.metadata[kCutShortKey] = where;
+  }
+  std::filesystem::create_directories((folder_.staging() / path).parent_path());
+  mapdb::write_store(folder_.staging() / path, stored);
+  identities_[path.generic_string()] = identity;
+  return identity;
 }
 
-void Results::add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& part) {
+MapIdentity Results::store(const std::string& folder, const Map& map) {
+  mapdb::StoredMaps stored;
+  stored.maps = {map};
+  return store(folder, std::move(stored), {});
+}
+
+void Results::add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& part,
+                             const PlannedRobot& robot) {
   const OutputOptions& output = configuration_.output;
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
-  const auto write_keyframes = [&](const std::filesystem::path& place, const FrameTrajectory& trajectory) {
-    for (const exporters::SessionTrajectory& keyframes : exporters::session_trajectories(part.map))
-      if (keyframes.session.client.sensor.str() == sensor_name(trajectory.label))
-        write_file(place / "keyframes.tum", exporters::tum_text(keyframes.poses));
-  };
-  if (output.tum) {
-    write_file(top / "trajectory.tum", exporters::tum_text(part.trajectory));
-    write_keyframes(top, part.trajectories.front());
-  }
-  for (const FrameTrajectory& trajectory : part.trajectories) {
-    if (!output.tum || part.trajectories.size() == 1) continue;
-    const std::filesystem::path place = top / "cameras" / sensor_name(trajectory.label);
-    std::filesystem::create_directories(place);
-    write_file(place / "trajectory.tum", exporters::tum_text(trajectory.frames));
-    write_keyframes(place, trajectory);
-  }
+  if (output.tum) write_camera_trajectories(top, part, robot);
   draw_landmarks(folder, title, part.map, {{{{part.map.robots().front(), SensorId()}, 0}, part.trajectory}});
   store(folder.string(), part.map);
 }
@@ -125,16 +139,6 @@ void Results::draw_landmarks(const std::filesystem::path& folder, const std::str
   exporters::PictureOptions picture = output.picture;
   if (picture.title.empty()) picture.title = title;
   write_file(top / "map.png", exporters::top_view_png(landmarks, trajectories, picture));
-}
-
-void Results::draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder,
-                                const std::string& title, const Map& map) {
-  if (!configuration_.output.png) return;
-  exporters::PictureOptions picture = configuration_.output.picture;
-  if (picture.title.empty()) picture.title = title;
-  write_file(
-      folder_.staging() / folder / "map.color.png",
-      exporters::top_view_png(exporters::landmark_cloud(map), exporters::session_trajectories(map), picture, &grid));
 }
 
 void Results::draw_dense(const std::filesystem::path& folder, const std::string& title,
@@ -162,14 +166,7 @@ void Results::draw_seen(const std::string& folder, const std::string& title, boo
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
   const auto trajectories = team_trajectories(component, cameras, configuration_.rig.trajectory);
-  if (configuration_.output.tum) {
-    write_file(top / "trajectory.tum", exporters::tum_text(trajectories));
-    if (robot_trajectories) std::filesystem::create_directories(top / "trajectories");
-    for (std::size_t i = 0; robot_trajectories && i < trajectories.size(); ++i)
-      if (i == 0 || trajectories[i - 1].session.client.robot != trajectories[i].session.client.robot)
-        write_file(top / "trajectories" / (trajectories[i].session.client.robot.str() + ".tum"),
-                   exporters::tum_text(trajectories[i].poses));
-  }
+  if (configuration_.output.tum) write_team_trajectories(top, trajectories, cameras, robot_trajectories);
   draw_landmarks(folder, title, component.map, trajectories);
 }
 
@@ -180,7 +177,7 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
     const std::string apart = std::to_string(i), name = i == 0 ? title : title + ", apart " + apart;
     const std::filesystem::path place =
         i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart);
-    add_camera_map(place, name, cameras.maps[i]);
+    add_camera_map(place, name, cameras.maps[i], cameras.robot);
     if (dense) draw_dense(place, name, depth_trajectories(cameras.maps[i], cameras));
   }
   for (const std::string& note : cameras.notes) notes_.push_back(title + ": " + note);
@@ -228,21 +225,25 @@ void Results::add_components(const FusedPlace& place, const fusion::FusionResult
   const Stopwatch watch;
   const double composing_before = composing_seconds_;
   for (std::size_t i = 0; i < fused.components.size(); ++i) {
-    const std::string folder = i == 0 ? place.folder : place.further + std::to_string(i);
-    const std::string name = i == 0 ? place.title : place.title + ", apart " + std::to_string(i);
+    const bool is_numbered = place.is_numbered && fused.components.size() > 1;
+    const std::string number = std::to_string(is_numbered ? i + 1 : i);
+    const std::string folder = i == 0 && !is_numbered ? place.folder : place.further + number;
+    const std::string apart = is_numbered ? " " + number : i == 0 ? "" : ", apart " + number;
+    const std::string name = place.title + apart;
     const Map& map = fused.components[i].map;
     const auto conflicts = conflicts_in(fused.components[i], fused.audits);
+    mapdb::StoredMaps whole = stored(fused.components[i], fused, own_maps_, requests_);
+    keep(place.frames[i], whole.metadata);
+    const MapIdentity identity = store(folder, std::move(whole), place.frames[i].continued);
     if (map.submaps.empty() && has_keyframes(map))
       draw_seen(folder, name, place.robot_trajectories, fused.components[i], cameras);
     else
-      draw(folder, name, place.robot_trajectories, map, conflicts);
+      draw(folder, name, place.robot_trajectories, map, identity, conflicts);
     std::vector<DepthTrajectory> depth;
     for (const CamerasOutcome& outcome : cameras)
       for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
         depth.push_back(std::move(trajectory));
     if (place.tier == cloud_tier()) draw_dense(folder, name, depth);
-    mapdb::write_store(folder_.staging() / folder / "map.mwdb",
-                       stored(fused.components[i], fused, own_maps_, requests_));
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;
@@ -257,26 +258,51 @@ void Results::commit(const std::string& verb, const RunConfiguration& effective,
     report.notes.push_back(
         "there is no cloud of depth: nothing was mapped with a depth camera or a stereo pair whose log is here");
   report.interrupted = report.interrupted || interrupted_;
+  if (report.interrupted && !is_interrupted(folder_.goal()) && folder_.step_aside(".interrupted")) {
+    report.saved_at = folder_.goal().string();
+    report.notes.push_back("the older results stay as they were: what was interrupted is beside them, in " +
+                           folder_.goal().filename().string());
+  }
   report.stages.push_back({TierId(), "output", output_seconds_});
   report.wall_seconds = watch_.seconds();
   report.peak_rss_bytes = peak_rss_bytes();
-  for (const char* picture : {"team/map.color.png", "map.color.png", "map.png"})
+  for (const char* picture :
+       {"team/map.color.png", "team/map.png", "team-1/map.color.png", "team-1/map.png", "map.color.png", "map.png"})
     if (report.picture.empty() && std::filesystem::exists(folder_.staging() / picture)) report.picture = picture;
   const std::filesystem::path& staging = folder_.staging();
   write_file(staging / "config.yaml", to_yaml(effective));
-  write_file(staging / "summary.json", summary_json(report).dump(2) + "\n");
-  if (verb != "slam") write_file(staging / "merges.json", merges_json(report).dump(2) + "\n");
+  write_file(staging / "summary.json", json_text(summary_json(report)) + "\n");
+  if (verb != "slam") write_file(staging / "merges.json", json_text(merges_json(report)) + "\n");
   std::vector<InputFile> all_inputs = inputs;
   if (const std::string& vocabulary = effective.visual.vocabulary; !vocabulary.empty())
     all_inputs.push_back({vocabulary, hash_of_file(vocabulary)});
-  write_file(staging / "manifest.json", manifest_json(verb, effective.seed, all_inputs, staging).dump(2) + "\n");
+  auto manifest = manifest_json(verb, effective.seed, all_inputs, staging, identities_);
+  if (report.interrupted) manifest["interrupted"] = true;
+  write_file(staging / "manifest.json", json_text(manifest) + "\n");
+  if (configuration_.output.report) write_page();
   folder_.commit();
 }
 
-FusionReport Results::report_of(TierId tier, const fusion::FusionResult& fused) {
+// It shows the other files: where it cannot be made, they are worth no less.
+void Results::write_page() {
+  std::string page;
+  try {
+    page = results_page(folder_.staging(), {});
+  } catch (const std::exception& error) {
+    log(LogLevel::warning, std::string("report.html is not written: ") + error.what());
+    return;
+  }
+  write_file(folder_.staging() / "report.html", page);
+}
+
+FusionReport Results::report_of(TierId tier, const fusion::FusionResult& fused, std::vector<TeamFrame> frames) {
   FusionReport report;
   report.tier = tier;
-  for (const fusion::Component& component : fused.components) report.components.push_back(component.members);
+  report.frames = std::move(frames);
+  for (const fusion::Component& component : fused.components) {
+    report.components.push_back(component.members);
+    report.team_from_maps.push_back(component.team_from_map);
+  }
   report.verdicts = fused.verdicts;
   report.audits = fused.audits;
   return report;

@@ -9,20 +9,33 @@
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/camera_task.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
+#include <mapweave/runtime/team_frame.h>
+
+#include <map>
+#include <string>
 
 namespace mapweave::runtime {
 
 // Where what a tier fused is written: the largest component into `folder`, others into `further` + "1", "2", ...
+// Numbered: where there are several, all of them go into `further` + "1", "2", ..., and none into `folder`.
 struct FusedPlace {
   TierId tier;
   std::string folder, further, title;
-  bool robot_trajectories = false;
+  std::vector<TeamFrame> frames;  // of each component
+  bool robot_trajectories = false, is_numbered = false;
 };
-inline FusedPlace team_place() { return {cloud_tier(), "team", "team-", "team", true}; }
+inline FusedPlace team_place(std::vector<TeamFrame> frames) {
+  return {cloud_tier(), "team", "team-", "team", std::move(frames), true, true};
+}
+
+// In the metadata of a store: where an interruption ended the log of its map; of a team, that of a member.
+inline constexpr const char* kCutShortKey = "cut_short";
+inline std::string cut_short_key(const MapId& member) { return kCutShortKey + ("." + member.str()); }
 
 class Results {
  public:
@@ -36,7 +49,7 @@ class Results {
   void add_map(const std::string& folder, const std::string& title, const Map& map);
   // The same of a robot that maps with cameras: landmarks from above, their cloud, frames' and keyframes' trajectories,
   // a contact sheet; of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2,
-  // ... `dense`: also what is asked for of depth, which takes a second way through the log.
+  // ... `dense`: also what is asked for of depth, which takes a second pass over the log.
   void add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras);
   // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
   void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
@@ -47,31 +60,36 @@ class Results {
   // Robots' own maps, as they were fused; stores of components keep those of their members, so that a merge can be
   // undone. They must outlive it.
   void set_own_maps(std::vector<const Map*> maps) { own_maps_ = std::move(maps); }
+  // Where an interruption ended the log, in words: stores say it.
+  void set_cut_short(std::string where) { cut_short_ = std::move(where); }
+  // The same of maps that were given: their stores, and those of their teams, go on saying it.
+  void set_cut_short(std::map<MapId, std::string> where) { cut_short_maps_ = std::move(where); }
   // What was said beside the maps: stores of components keep it.
   void set_requests(KeptRequests requests) { requests_ = std::move(requests); }
   // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and
-  // manifest.json; then the folder appears.
+  // manifest.json; then the folder appears. What was interrupted replaces no older results: it appears beside them.
   void commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,
               Report& report);
 
-  static FusionReport report_of(TierId tier, const fusion::FusionResult& fused);
+  static FusionReport report_of(TierId tier, const fusion::FusionResult& fused, std::vector<TeamFrame> frames);
 
  private:
   OccupancyGrid grid_of(const std::string& title, const Map& map);
-  void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map);
+  void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map,
+                      const PlannedRobot& robot);
   void draw_dense(const std::filesystem::path& folder, const std::string& title,
                   const std::vector<DepthTrajectory>& trajectories);
-  void store(const std::string& folder, const Map& map);
+  // Returns by what identity it stands there: a new one, or the next version of what it continues.
+  MapIdentity store(const std::string& folder, mapdb::StoredMaps stored, const MapIdentity& continued);
+  MapIdentity store(const std::string& folder, const Map& map);
   void draw_landmarks(const std::filesystem::path& folder, const std::string& title, const Map& map,
                       const std::vector<exporters::SessionTrajectory>& trajectories);
-  // Of a map of both kinds: instead of the grid alone.
-  void draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title,
-                         const Map& map);
+  void write_page();
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories,
                  const fusion::Component& component, const std::vector<CamerasOutcome>& cameras);
   // `conflicts`: drawn in a picture of their own, where there are any.
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
-            const std::vector<exporters::PictureMark>& conflicts = {});
+            const MapIdentity& identity, const std::vector<exporters::PictureMark>& conflicts = {});
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
   Progress& progress_;
@@ -82,6 +100,9 @@ class Results {
   std::vector<std::string> notes_;
   std::vector<const Map*> own_maps_;
   KeptRequests requests_;
+  std::string cut_short_;
+  std::map<MapId, std::string> cut_short_maps_;
+  std::map<std::string, MapIdentity> identities_;  // by the paths of stores
 };
 
 }  // namespace mapweave::runtime

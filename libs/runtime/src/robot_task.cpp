@@ -1,3 +1,4 @@
+#include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/manifest.h>
@@ -11,12 +12,30 @@
 namespace mapweave::runtime {
 namespace {
 
+// Reads a task's log; true where an interruption ended it that is to be lived with.
+template <class Task>
+bool is_cut_short(Task& task, const MappingSettings& settings, bool can_end_early) {
+  try {
+    task.advance(std::nullopt, settings.give_up);
+    return false;
+  } catch (const Interrupted&) {
+    if (!settings.saves_part || settings.give_up) throw;
+    if (!can_end_early)
+      throw Interrupted(
+          "interrupted before a map was finished; nothing was written (rbpf and icp have a map at their "
+          "end alone; laser.engine=graph saves what it has)");
+    clear_interrupt();
+    return true;
+  }
+}
+
 // The laser, at the edge or on the robot.
 void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, std::optional<LaserOutcome> mapped,
                   RobotResult& result) {
   if (!mapped) {
     LaserTask task(robot, settings.configuration, settings.keep_going, false, settings.progress);
-    task.advance(std::nullopt, settings.give_up);
+    result.report.is_cut_short =
+        is_cut_short(task, settings, settings.configuration.laser.engine == laser::Engine::graph);
     mapped = task.finish();
   } else {
     result.report.cpu_seconds += mapped->cpu_seconds;
@@ -25,6 +44,7 @@ void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, st
   result.work = mapped->work;
   result.work.id = robot.id;
   result.work.edge = robot.edge;
+  result.notes = mapped->notes;
   result.report.scans = mapped->scans;
   result.report.log_seconds = mapped->log_seconds;
 }
@@ -33,14 +53,17 @@ void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, st
 void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, std::optional<CamerasOutcome> cameras,
                     RobotResult& result) {
   const RunConfiguration& configuration = settings.configuration;
+  if (result.report.is_cut_short) return;  // what the laser has is saved
   if (cameras) {
     result.report.cpu_seconds += cameras->cpu_seconds;
     result.cameras = std::move(*cameras);
   } else {
     CameraTask task(robot, configuration, settings.keep_going, settings.progress);
-    task.advance(std::nullopt, settings.give_up);
+    result.report.is_cut_short = is_cut_short(task, settings, true);
     result.cameras = task.finish();
   }
+  for (const std::string& doubt : result.cameras.doubts)
+    if (std::find(result.notes.begin(), result.notes.end(), doubt) == result.notes.end()) result.notes.push_back(doubt);
   tiers::RobotOutcome& outcome = result.outcome;
   outcome.robot = robot.id;
   if (outcome.map && result.cameras.maps.empty()) {
@@ -78,7 +101,8 @@ RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings
   result.report.edge = robot.edge;
   result.work.id = robot.id;
   result.work.edge = robot.edge;
-  const double mapped_before_s = mapped.laser ? mapped.laser->cpu_seconds : 0.0;
+  const double mapped_before_s =
+      (mapped.laser ? mapped.laser->cpu_seconds : 0.0) + (mapped.cameras ? mapped.cameras->cpu_seconds : 0.0);
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();

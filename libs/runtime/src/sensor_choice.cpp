@@ -48,7 +48,7 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       note(*record->observation, found);
     }
   } catch (const Error&) {
-    // The mapping tells of it, after what came before it.
+    // The mapper reports this error when it reaches the damaged record.
     if (found.scans.empty() && found.cameras.empty()) throw;
   }
   return found;
@@ -83,10 +83,29 @@ void expect_label(const std::string& label, const Found& found, const std::files
               nearest ? "did you mean '" + *nearest + "'?" : "choose one of them with visual.label");
 }
 
+// A folder of pictures shows with its first ones what it has; in other logs a sensor may come late.
+void expect_in_folder(const SensorKind& wanted, const std::filesystem::path& log, const rawlog::ReadOptions& reading) {
+  if (!std::filesystem::is_directory(log)) return;
+  const auto stream = rawlog::open_log(log, reading);
+  for (int count = 0; count < kLookRecords; ++count) {
+    const auto record = stream->next();
+    if (!record) return;
+    if (wanted.recognises(*record->observation)) return;
+    Found found;
+    note(*record->observation, found);
+    if (found.cameras.empty()) continue;
+    throw Error(ErrorCode::kBadInput, "the log has no " + std::string(wanted.in_words) + "; it has " + in_words(found),
+                log.string(), "choose another sensor, or leave the choice to auto");
+  }
+}
+
 ChosenSensors choose(const std::filesystem::path& log, const RunConfiguration& configuration) {
   const std::string& sensor = configuration.sensor;
   const SensorKind* wanted = sensor_kind(sensor);
-  if (wanted != nullptr && wanted->task == SensorTask::scans) return {wanted, {}};
+  if (wanted != nullptr && wanted->task == SensorTask::scans) {
+    expect_in_folder(*wanted, log, configuration.reading);
+    return {wanted, {}};
+  }
   const bool is_automatic = sensor == "auto";
   const Found found = look(log, configuration.reading, is_automatic);
   const SensorKind* laser = found.scans.count(&kLaser) != 0 ? &kLaser : nullptr;

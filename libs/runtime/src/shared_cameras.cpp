@@ -117,4 +117,30 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
   return outcomes;
 }
 
+std::optional<std::string> note_on_sharing(const RunConfiguration& configuration, const RunPlan& plan) {
+  if (configuration.server.share == tiers::Sharing::none) return std::nullopt;
+  std::map<std::string, std::string> robots;  // that have cameras, by their edge
+  std::size_t most_cameras = 0;
+  for (const TierId& edge : plan.edges) {
+    std::size_t cameras = 0;
+    for (const PlannedRobot& robot : plan.robots) {
+      if (robot.edge != edge || robot.sensors.cameras.empty()) continue;
+      std::string& list = robots[edge.str()];
+      list += (list.empty() ? "" : ", ") + robot.id.str();
+      cameras += robot.sensors.cameras.size();
+    }
+    most_cameras = std::max(most_cameras, cameras);
+  }
+  const std::string option =
+      configuration.server.share == tiers::Sharing::view ? "server.share=view" : "server.share=full";
+  if (robots.empty()) return option + " has no effect: no robot of an edge maps with cameras";
+  if (most_cameras < 2 && robots.size() == 1) return option + " has no effect: there is only one camera";
+  if (robots.size() == 1) return std::nullopt;
+  std::string list;
+  for (const auto& [edge, there] : robots) list += (list.empty() ? "" : "; ") + edge + ": " + there;
+  return option + (most_cameras < 2 ? " has no effect" : " counts within each edge alone") +
+         ": cameras of different edges share nothing while they drive (" + list +
+         "); give their robots one edge, as in robots: [{id: ..., log: ..., edge: " + robots.begin()->first + "}]";
+}
+
 }  // namespace mapweave::runtime

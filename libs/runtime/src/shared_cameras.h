@@ -5,6 +5,8 @@
 #include <mapweave/runtime/camera_task.h>
 
 #include <map>
+#include <optional>
+#include <string>
 
 namespace mapweave::runtime {
 
@@ -12,5 +14,9 @@ namespace mapweave::runtime {
 // map_robot(), which says so. Throws Interrupted alone.
 std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&, bool keep_going,
                                                      WorkerPool&, Progress&);
+
+// What somebody who asked for sharing should know: cameras of different edges share nothing while they drive. Nothing
+// where all cameras are on one edge, or sharing was not asked for. After choose_sensors().
+std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&);
 
 }  // namespace mapweave::runtime

@@ -18,6 +18,7 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kSlowest_bytes_per_s = 1e-3;  // a slower link never delivers anything
 constexpr std::uint32_t kMostRobots = 1'000'000;
 
 // Names in their order, and back.
@@ -63,8 +64,8 @@ EdgeResources edge_of(const Json& value, const std::string& where, const std::st
   expect_object(value, {"id", "bandwidth_bytes_per_s", "speed", "capacity", "delay_s"}, where, key);
   EdgeResources edge;
   edge.id = TierId(name(member(value, "id", where, key), where, key + ".id"));
-  edge.bandwidth_bytes_per_s = number(member(value, "bandwidth_bytes_per_s", where, key), 0.0, kInfinity, true, where,
-                                      key + ".bandwidth_bytes_per_s");
+  edge.bandwidth_bytes_per_s = number(member(value, "bandwidth_bytes_per_s", where, key), kSlowest_bytes_per_s,
+                                      kInfinity, false, where, key + ".bandwidth_bytes_per_s");
   if (value.contains("speed")) edge.speed = number(value["speed"], 0.0, kInfinity, true, where, key + ".speed");
   if (value.contains("delay_s")) edge.delay_s = number(value["delay_s"], 0.0, 1e9, false, where, key + ".delay_s");
   if (value.contains("capacity") && !value["capacity"].is_null()) {
@@ -118,7 +119,7 @@ void read_links(const Json& list, const Names& robots, const Names& edges, Probl
     const std::string key = at("links", i);
     expect_items(list[i], 4, "[robot, edge, bytes per second, delay in seconds]", where, key);
     const std::pair between(robots.find(list[i][0], key), edges.find(list[i][1], key));
-    const RobotLink link{number(list[i][2], 0.0, kInfinity, true, where, key),
+    const RobotLink link{number(list[i][2], kSlowest_bytes_per_s, kInfinity, false, where, key),
                          number(list[i][3], 0.0, 1e9, false, where, key)};
     if (!problem.links.emplace(between, link).second)
       refuse("the link from '" + list[i][0].get<std::string>() + "' to '" + list[i][1].get<std::string>() +

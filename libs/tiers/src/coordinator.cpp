@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/format.h>
 #include <mapweave/tiers/coordinator.h>
 
 #include <algorithm>
@@ -13,9 +14,21 @@ using scheduling::Groups;
 using scheduling::Latency;
 using scheduling::Problem;
 
-bool is_same(const EdgeResources& a, const EdgeResources& b) {
-  return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity &&
-         a.delay_s == b.delay_s;
+std::string in_words(const std::optional<std::uint32_t>& capacity) {
+  return capacity ? std::to_string(*capacity) : "unlimited";
+}
+std::string in_words(const std::optional<double>& delay_s) { return delay_s ? format("%g s", *delay_s) : "default"; }
+
+// "speed 1 -> 0.5, capacity 4 -> 2"; empty where nothing changed.
+std::string changes(const EdgeResources& before, const EdgeResources& now) {
+  std::string text;
+  const auto add = [&](const std::string& change) { text += (text.empty() ? "" : ", ") + change; };
+  if (before.bandwidth_bytes_per_s != now.bandwidth_bytes_per_s)
+    add(format("bandwidth %g -> %g bytes/s", before.bandwidth_bytes_per_s, now.bandwidth_bytes_per_s));
+  if (before.speed != now.speed) add(format("speed %g -> %g", before.speed, now.speed));
+  if (before.delay_s != now.delay_s) add("delay " + in_words(before.delay_s) + " -> " + in_words(now.delay_s));
+  if (before.capacity != now.capacity) add("capacity " + in_words(before.capacity) + " -> " + in_words(now.capacity));
+  return text;
 }
 
 Groups robots_at(const std::vector<std::uint32_t>& edge_of, std::size_t edges) {
@@ -62,8 +75,13 @@ void Coordinator::take(const RobotGoes& goes) {
 void Coordinator::take(const EdgeIs& edge) {
   const EdgeResources resources{edge.edge, edge.bytes_per_s, edge.speed, edge.capacity, edge.delay_s};
   const auto before = edges_.find(edge.edge);
-  if (before != edges_.end() && is_same(before->second, resources)) return;
-  because_.push_back("edge " + edge.edge.str() + (before == edges_.end() ? " comes" : " is otherwise"));
+  if (before == edges_.end()) {
+    because_.push_back("edge " + edge.edge.str() + " comes");
+  } else {
+    const std::string what = changes(before->second, resources);
+    if (what.empty()) return;
+    because_.push_back("edge " + edge.edge.str() + " changed: " + what);
+  }
   edges_.insert_or_assign(edge.edge, resources);
 }
 
@@ -82,7 +100,7 @@ void Coordinator::take(const LinkIs& link) {
       before->second.delay_s == link.delay_s)
     return;
   if (before != links_.end())
-    because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() + " is otherwise");
+    because_.push_back("link from " + link.robot.str() + " to " + link.edge.str() + " changed");
   links_.insert_or_assign(key, scheduling::RobotLink{link.bytes_per_s, link.delay_s});
 }
 

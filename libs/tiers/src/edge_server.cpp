@@ -58,6 +58,21 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   return effects;
 }
 
+EdgeServer::Effects EdgeServer::step(const RobotUpdates& sent, WorkerPool& pool, Progress& progress) {
+  RobotOutcome outcome{sent.robot, std::nullopt, std::nullopt};
+  for (const std::string& bytes : sent.updates) {
+    const MapUpdate update = decode_map_update(bytes, "a map of robot " + sent.robot.str());
+    Map map;
+    map.id = update.origin.map;
+    map = updated(std::move(map), update);
+    if (!outcome.map)
+      outcome.map = std::move(map);
+    else
+      outcome.apart.push_back(std::move(map));
+  }
+  return step(std::move(outcome), pool, progress);
+}
+
 // A judgement travels with the first of the maps here that it is about.
 std::vector<std::string> EdgeServer::updates_of(const std::vector<Judgement>& judgements) {
   std::map<MapId, MapUpdate> updates;

@@ -12,12 +12,12 @@ namespace {
 constexpr std::size_t kLeastReported = 60;  // landmarks with a place, however narrow the wire
 constexpr double kAround_s = 0.5;        // from where a rig camera said it was to when its robot's place is asked for
 constexpr double kBetweenViews_s = 1.5;  // that show how the robot moved
-constexpr double kFarthest = 2.0;        // of the way between two views, that is gone on with
+constexpr double kFarthest = 2.0;        // times the motion between two views, that is extrapolated
 
 struct Whereabouts {
   MapId map;
   Pose3 map_from_robot;
-  double apart_s;  // of the view that tells it
+  double apart_s;  // of the nearest view
 };
 
 // Between two views, or on from the last two as before.

@@ -33,7 +33,8 @@ struct VisualClient::State {
 
   Tracked add(const FeatureFrame& frame) {
     Frame bare;
-    bare.stamp = frame.stamp, bare.odometry_from_camera = frame.odometry_from_camera;
+    bare.stamp = frame.stamp;
+    bare.odometry_from_camera = frame.odometry_from_camera;
     Pyramid picture;
     picture.features = std::make_shared<const FrameFeatureGrid>(frame, map.camera);
     return add(bare, std::move(picture));
@@ -67,7 +68,8 @@ struct VisualClient::State {
       if (const auto there = tracker.astray_since(attempt, frame.stamp)) {
         remove_since(map, tracker.place().session, there->stamp, [&](int keyframe) { loops.remove(keyframe); });
         tracker.go_back(map, *there);
-        is_followed = false, attempt = Attempt();
+        is_followed = false;
+        attempt = Attempt();
       }
     }
     if (!is_followed) {
@@ -126,7 +128,8 @@ struct VisualClient::State {
     if (tracker.lost_s() >= options.session.patience_s && begin(frame, std::move(picture), sessions_begun))
       return kept(true);
     Tracked tracked;
-    tracked.state = TrackState::lost, tracked.session = tracker.place().session;
+    tracked.state = TrackState::lost;
+    tracked.session = tracker.place().session;
     return tracked;
   }
 
@@ -230,7 +233,8 @@ VisualClient::VisualClient(Pinhole camera, double baseline_m, ClientOptions opti
     : state_(new State(options, vocabulary)) {
   MAPWEAVE_EXPECT(camera.width >= 64 && camera.height >= 64 && camera.fx > 0 && camera.fy > 0,
                   "a camera of at least 64 x 64 pixels");
-  state_->map.camera = camera, state_->map.baseline_m = baseline_m;
+  state_->map.camera = camera;
+  state_->map.baseline_m = baseline_m;
 }
 VisualClient::~VisualClient() = default;
 

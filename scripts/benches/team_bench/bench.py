@@ -33,7 +33,7 @@ class Bench:
         if self.arguments.no_pictures:
             return
         out = self.scratch("drawn", name)
-        self.merge(maps, out, "--set", "output.pcd=false", "--set", "output.pgm=false", *flags, quiet=False)
+        self.merge(maps, out, "--set", "output.pcd=false", "--set", "output.pgm=false", "--set", "output.report=false", *flags, quiet=False)
         self.keep_pictures(out, name)
 
     def keep_pictures(self, out, name):

@@ -8,7 +8,7 @@ from benches.team_bench.carmen import between, compose, wrap
 
 SAME_SCAN_S = 0.06
 FEWEST = 5        # relations that judge a pair
-WELL_TIED = 20    # relations from which a pair ought to be found
+WELL_RELATED = 20    # relations from which a pair ought to be found
 
 
 class Relations:

@@ -8,7 +8,7 @@ import time
 
 from benches import common
 
-QUIET = ("--set", "output.png=false", "--set", "output.pcd=false", "--set", "output.pgm=false")
+QUIET = ("--set", "output.png=false", "--set", "output.pcd=false", "--set", "output.pgm=false", "--set", "output.report=false")
 
 
 class Failed(Exception):

@@ -1,4 +1,5 @@
 #include "pair_judging.h"
+#include "early_end.h"
 #include "verdict.h"
 
 #include <mapweave/core/error.h>
@@ -47,7 +48,7 @@ void PairJudging::prepare_maps() {
   for (std::size_t a = 0; a < maps.size(); ++a)
     for (std::size_t b = a + 1; b < maps.size(); ++b)
       if (copies_[a] || copies_[b] || input_.refused.count({maps[a]->id, maps[b]->id}) != 0) excluded_.emplace(a, b);
-  grids_.emplace(maps, input_.vetoed, options_, pool_, excluded_);
+  grids_.emplace(maps, input_, options_, pool_, excluded_);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     maps_.push_back(prepare(grids_->rescaled(m), cache_, options_.stride_m, pool_));
     seen_.emplace_back(*maps[m], options_.visual.vocabulary, *input_.pictures, pool_);
@@ -82,7 +83,7 @@ std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
   for (;;) {
     std::set<std::pair<std::size_t, std::size_t>> refused = excluded_;
     for (const auto& entry : refused_) refused.insert(entry.first);
-    lasers_.emplace(maps_, *grids_, input_, options_, refused, JudgeResources{cache_, memo_, pool_});
+    lasers_.emplace(maps_, *grids_, input_, options_, refused, JudgeResources{cache_, memo_, pool_, input_});
     lasers_->run(progress);
     judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
     std::vector<PairJoin> pairs = compare_all(progress);
@@ -115,7 +116,7 @@ std::vector<PairJoin> PairJudging::compare_all(Progress& progress) {
       // A copy is reported with its original alone.
       if ((copies_[a] && copies_[a]->original != b) || (copies_[b] && copies_[b]->original != a)) continue;
       Stopwatch watch;
-      pairs.push_back(compared(a, b));
+      pairs.push_back(compared_or_cut_short(a, b));
       auto& result = pairs.back().result;
       result.verdict.seconds = watch.lap();
       judged_.insert(judged_.end(), result.judged.begin(), result.judged.end());
@@ -160,6 +161,21 @@ VisualPairResult PairJudging::seen_by_cameras(std::size_t a, std::size_t b) {
   auto questions = incremental_->questions(a, b);
   if (!questions) questions.emplace().first = claimed_->pairs(a, b);
   return decide(seen_[a], seen_[b], *questions, input_, options_, visual_judge_);
+}
+
+// What lasers found until an interruption counts; cameras that were not compared then are not compared.
+PairJoin PairJudging::compared_or_cut_short(std::size_t a, std::size_t b) {
+  const bool cameras = !seen_[a].empty() && !seen_[b].empty();
+  PairJoin join{a, b, {}, {}, {}};
+  try {
+    if (cameras && is_over(input_)) throw Interrupted();
+    join = compared(a, b);
+  } catch (const Interrupted&) {
+    if (!is_over(input_)) throw;
+    join.result.verdict = not_compared(a, b, Reason::too_few_witnesses);
+  }
+  if (is_over(input_) && !join.is_accepted()) join.result.verdict.detail = "an interruption cut the comparison short";
+  return join;
 }
 
 PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
@@ -230,7 +246,7 @@ std::size_t PairJudging::known_number(const MapId& id) const {
 void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress) {
   const int task = progress.begin("comparing maps", pairs.size(), "pairs of maps");
   lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{},
-                  JudgeResources{cache_, memo_, pool_});
+                  JudgeResources{cache_, memo_, pool_, input_});
   const auto number_of_submap = [&](std::size_t map, const SubmapId& id) {
     const auto& submaps = maps_[map].submaps;
     const auto place =
@@ -260,7 +276,7 @@ void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress)
 }
 
 std::vector<FirstPair> PairJudging::first_pairs() {
-  lasers_.emplace(maps_, *grids_, input_, options_, excluded_, JudgeResources{cache_, memo_, pool_});
+  lasers_.emplace(maps_, *grids_, input_, options_, excluded_, JudgeResources{cache_, memo_, pool_, input_});
   std::map<std::pair<std::size_t, std::size_t>, FirstPair> pairs;
   const auto pair_of = [&](std::size_t a, std::size_t b) -> FirstPair& {
     FirstPair& pair = pairs[{a, b}];

@@ -15,7 +15,7 @@ namespace mapweave::fusion {
 struct PairJoin {
   std::size_t a, b;  // numbers in id order
   PairResult result;
-  std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
+  std::vector<VisualWitness> seen;  // that hold, where cameras saw it
   VisualRepetition repetition;
   bool is_matched_by_lasers = false;  // whatever cameras say
   bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
@@ -53,6 +53,7 @@ class PairJudging {
   std::size_t known_number(const MapId& id) const;
   void doubt_what_repeats(std::vector<PairJoin>& pairs) const;
   std::vector<PairJoin> compare_all(Progress& progress);
+  PairJoin compared_or_cut_short(std::size_t a, std::size_t b);
   PairJoin compared(std::size_t a, std::size_t b);
   Verdict not_compared(std::size_t a, std::size_t b, Reason reason) const;
   VisualPairResult seen_by_cameras(std::size_t a, std::size_t b);

@@ -1,7 +1,8 @@
 #include "grid_alignments.h"
 
+#include "early_end.h"
+
 #include <mapweave/core/disjoint_sets.h>
-#include <mapweave/core/interrupt.h>
 #include <mapweave/fusion/grid_map.h>
 #include <mapweave/maps/alignment.h>
 
@@ -43,6 +44,12 @@ Judgement judgement_of(const Map& a, const Map& b, const GridPairResult& result,
   return judgement;
 }
 
+GridPairResult nothing_found() {
+  GridPairResult result;
+  result.reason = Reason::too_few_witnesses;
+  return result;
+}
+
 Pose2 submap_from(const Submap& submap, const NodeId& node) {
   const auto& members = submap.submap_from_node;
   const auto member = std::find_if(members.begin(), members.end(), [&](const auto& one) { return one.first == node; });
@@ -69,10 +76,10 @@ struct MatchSum {
 
 }  // namespace
 
-GridAlignments::GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options,
+GridAlignments::GridAlignments(std::vector<const Map*> maps, const FusionInput& input, const FusionOptions& options,
                                WorkerPool& pool, const std::set<std::pair<std::size_t, std::size_t>>& excluded)
     : maps_(std::move(maps)), options_(options), grids_(maps_.size()), scales_(maps_.size(), 1.0) {
-  align_all(vetoed, excluded, pool);
+  align_all(input, excluded, pool);
   estimate_scales();
 }
 
@@ -81,14 +88,14 @@ const GridAlignments::Pair* GridAlignments::pair(std::size_t a, std::size_t b) c
   return known == pairs_.end() ? nullptr : &known->second;
 }
 
-void GridAlignments::align_all(const std::set<Hash>& vetoed,
-                               const std::set<std::pair<std::size_t, std::size_t>>& excluded, WorkerPool& pool) {
+void GridAlignments::align_all(const FusionInput& input, const std::set<std::pair<std::size_t, std::size_t>>& excluded,
+                               WorkerPool& pool) {
   std::vector<std::size_t> numbers;
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (fusion::is_grid(*maps_[m])) numbers.push_back(m);
   if (numbers.size() < 2) return;
   for (const std::size_t m : numbers) {  // one at a time: a grid of 16,000 x 16,000 cells has 0.5 GB
-    throw_if_interrupted();
+    is_over(input);
     grids_[m] = prepare_grid(grid_of_map(*maps_[m]));
   }
   std::vector<std::pair<std::size_t, std::size_t>> names;
@@ -96,13 +103,13 @@ void GridAlignments::align_all(const std::set<Hash>& vetoed,
     for (std::size_t j = i + 1; j < numbers.size(); ++j)
       if (excluded.count({numbers[i], numbers[j]}) == 0) names.emplace_back(numbers[i], numbers[j]);
   const auto results = pool.map(names.size(), [&](std::size_t i) {
-    throw_if_interrupted();
+    if (is_over(input)) return nothing_found();
     return align_grids(*grids_[names[i].first], *grids_[names[i].second], options_.grids, options_.merge_probability);
   });
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Map &a = *maps_[names[i].first], &b = *maps_[names[i].second];
     Pair pair{results[i], judgement_of(a, b, results[i], pair_id(a, b, options_.grids)), false, false};
-    pair.is_vetoed = vetoed.count(pair.judgement.id) != 0;
+    pair.is_vetoed = input.vetoed.count(pair.judgement.id) != 0;
     pair.is_sure = pair.result.reason == Reason::none && !pair.is_vetoed;
     pairs_.emplace(names[i], std::move(pair));
   }
@@ -142,7 +149,7 @@ void GridAlignments::estimate_scales() {
 
 Pose2 GridAlignments::a_from_b(std::size_t a, std::size_t b) const {
   const GridPairResult& result = pairs_.at({a, b}).result;
-  // Where ties are, the middle of them lies as they have it, whatever the scale.
+  // The middle of the constraints lies where they put it, whatever the scale.
   Eigen::Vector2d in_a = Eigen::Vector2d::Zero(), in_b = Eigen::Vector2d::Zero();
   for (const GridConstraint& grid_constraint : result.grid_constraints) {
     const Eigen::Vector2d place_in_a(grid_constraint.a_from_place.x, grid_constraint.a_from_place.y);

@@ -19,13 +19,14 @@ class GridAlignments {
   struct Pair {
     GridPairResult result;  // of the grids as they were given
     Judgement judgement;    // for the records; names the result as what others rest on
-    bool is_sure = false;   // the two join, if no third grid contradicts
+    bool is_sure = false;   // the two are merged, if no third grid contradicts
     bool is_vetoed = false;
   };
 
-  // `maps` must outlive it. Aligns all pairs of grids but the excluded ones (numbers, the lower first), side by side.
-  GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options,
-                 WorkerPool& pool, const std::set<std::pair<std::size_t, std::size_t>>& excluded = {});
+  // `maps` must outlive it. Of the input, what is vetoed and its early end count. Aligns all pairs of grids but the
+  // excluded ones (numbers, the lower first), side by side.
+  GridAlignments(std::vector<const Map*> maps, const FusionInput& input, const FusionOptions& options, WorkerPool& pool,
+                 const std::set<std::pair<std::size_t, std::size_t>>& excluded = {});
 
   bool is_grid(std::size_t map) const { return grids_[map] != nullptr; }
   // Against the grid with the lowest number that it is surely aligned with, through others or not; 1 where the
@@ -45,7 +46,7 @@ class GridAlignments {
   bool may_lie(std::size_t a, std::size_t b, const Pose2& a_from_b) const;
 
  private:
-  void align_all(const std::set<Hash>& vetoed, const std::set<std::pair<std::size_t, std::size_t>>& excluded,
+  void align_all(const FusionInput& input, const std::set<std::pair<std::size_t, std::size_t>>& excluded,
                  WorkerPool& pool);
   void estimate_scales();
 

@@ -1,9 +1,8 @@
 #include "laser_team.h"
 
 #include "decision/commitment.h"
+#include "early_end.h"
 #include "sorted_numbers.h"
-
-#include <mapweave/core/interrupt.h>
 
 #include <algorithm>
 #include <cmath>
@@ -216,7 +215,7 @@ void LaserMerger::merge_all() {
     any = false;
     std::set<MapPair> asked;
     do {
-      while (merge_surest()) throw_if_interrupted();
+      while (merge_surest()) is_over(input_);
     } while (ask_more(count, asked) && (any = true));
     any = any || propose_whole_maps();
   }

@@ -2,7 +2,7 @@
 
 #include "laser_team.h"
 
-#include <mapweave/core/interrupt.h>
+#include "early_end.h"
 
 #include <algorithm>
 #include <cmath>
@@ -124,6 +124,7 @@ std::vector<SubmapQuestion> LaserMerger::next_questions(PairState& state, std::s
 
 // The next questions of some pairs of maps; false when none is left.
 bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
+  if (is_over(input_)) return false;
   std::vector<SubmapQuestion> questions;
   std::vector<PairState*> whose;
   for (const MapPair& pair : next_pairs(count == kFirstRound, asked)) {
@@ -164,7 +165,7 @@ bool LaserMerger::propose_whole_maps() {
     PairState& state = pairs_.at(entry.second);
     state.is_proposed = true;
     if (std::min(times[a], times[b]) >= kMostLater) continue;
-    throw_if_interrupted();
+    if (is_over(input_)) return false;
     ++times[a];
     ++times[b];
     const auto in_a = placed({a}, as_mapped), in_b = placed({b}, as_mapped);

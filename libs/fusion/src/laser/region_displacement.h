@@ -1,6 +1,6 @@
 #pragma once
-// Where a region of one map would lie on another one if it lay elsewhere: tells maps that are bent, or lie wrongly,
-// from walls that moved.
+// Where a region of one map would lie on another one if it lay elsewhere: distinguishes maps that are bent, or lie
+// wrongly, from walls that moved.
 
 #include "wall_agreement.h"
 

@@ -57,7 +57,7 @@ class SubmapGraph {
   std::size_t size() const { return map_of_.size(); }
   std::size_t first_of(std::size_t map) const { return first_[map]; }
   // Whether the two submaps of one robot lie so near along its trajectory that a match of them says nothing new, or its
-  // own map ties them.
+  // own map constrains them.
   bool is_constrained(std::size_t one, std::size_t other) const;
 
   // `members`: numbers of maps, rising, that the matches connect (else the others stay where their own frame puts

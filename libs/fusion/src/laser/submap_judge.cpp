@@ -1,6 +1,7 @@
 #include "submap_judge.h"
 
-#include <mapweave/core/interrupt.h>
+#include "early_end.h"
+
 #include <mapweave/maps/alignment.h>
 
 #include <Eigen/LU>
@@ -75,7 +76,7 @@ void SubmapJudge::prepare_sights(const std::vector<std::size_t>& submaps) {
     if (sights_.find(submap) == nullptr) missing.push_back(submap);
   constexpr std::size_t kAtOnce = 32;  // between looks at whether the cache is full, or an interruption came
   for (std::size_t first = 0; first < missing.size() && !sights_.is_full(); first += kAtOnce) {
-    throw_if_interrupted();
+    is_over(input_);  // what was found still has to be decided with them
     const auto sights =
         pool_.map(std::min(kAtOnce, missing.size() - first), [&](std::size_t i) { return made(missing[first + i]); });
     for (std::size_t i = 0; i < sights.size(); ++i) sights_.add(missing[first + i], sights[i]);
@@ -134,9 +135,9 @@ std::vector<SubmapAnswer> SubmapJudge::ask(const std::vector<SubmapQuestion>& qu
                            {second.id, second.content, cache_.get(second, of_second)}, window, judge_options, field);
   };
   pool_.for_each(questions.size(), [&](std::size_t i) {
-    throw_if_interrupted();
-    judgements[order[i]] = judged(questions[order[i]]);
+    if (!is_over(input_)) judgements[order[i]] = judged(questions[order[i]]);
   });
+  if (is_over(input_)) return {};
   std::vector<SubmapAnswer> answers;
   answers.reserve(questions.size());
   for (std::size_t i = 0; i < questions.size(); ++i) {

@@ -37,6 +37,7 @@ struct JudgeResources {
   matching::ModelCache& cache;
   Memo& memo;
   WorkerPool& pool;
+  const FusionInput& input;
 };
 
 class SubmapJudge {
@@ -50,9 +51,11 @@ class SubmapJudge {
         cache_(resources.cache),
         sights_(static_cast<std::size_t>(options.cache_mb) << 20U),
         memo_(resources.memo),
-        pool_(resources.pool) {}
+        pool_(resources.pool),
+        input_(resources.input) {}
 
-  // In the order of the questions. Not thread-safe; works in parallel within.
+  // In the order of the questions; none once an interruption ended the search. Not thread-safe; works in parallel
+  // within.
   std::vector<SubmapAnswer> ask(const std::vector<SubmapQuestion>& questions);
   std::shared_ptr<const WallSight> sight(std::size_t submap);
   // Makes what is missing in parallel, as far as there is room to keep it.
@@ -73,6 +76,7 @@ class SubmapJudge {
   WallSightCache sights_;
   Memo& memo_;
   WorkerPool& pool_;
+  const FusionInput& input_;
   std::vector<Hash> asked_;
 };
 

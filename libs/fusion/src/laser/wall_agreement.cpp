@@ -283,8 +283,8 @@ double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::arra
   return most;
 }
 
-// How much would coincide if one side were its mirror image, about the best axis along or across the walls. Who fits
-// its own mirror image tells nothing of how it lies.
+// How much would coincide if one side were its mirror image, about the best axis along or across the walls. A map that
+// fits its own mirror image says nothing of how it lies.
 double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known,
                           const Eigen::Matrix2d& axes, const Region& region) {
   const Eigen::Vector2d middle(region.x_m + 0.5 * kRegion_m, region.y_m + 0.5 * kRegion_m);

@@ -32,7 +32,7 @@ struct WallAgreement {
   double overlap = 0.0;         // share of the smaller side's walls that lie where the other looked
   // Coinciding here, above the most that would where one side is shifted by 0.75 to 4 m; of the fullest regions. Where
   // the overlap is small, also above the most that would if one side were its mirror image: a place that is its own
-  // mirror image is told by what lies around it.
+  // mirror image is recognised by what lies around it.
   double distinctive_m = 0.0;
   double observability = 0.0;  // of the worse direction, 0 to 0.5: share of coinciding walls that face along it
   std::vector<Contradiction> contradictions;  // longest first; those over 0.6 m

@@ -198,7 +198,7 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
     for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
     for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
     if (is_alone || !map.submaps.empty()) continue;
-    for (Constraint& edge : rig::covisibility_constraints(map, rig::LaserCameraOptions{}))
+    for (Constraint& edge : rig::covisibility_constraints(map, options_.laser_cameras))
       constraints.push_back(std::move(edge));
   }
   std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });

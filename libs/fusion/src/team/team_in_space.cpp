@@ -40,7 +40,8 @@ void TeamInSpace::solve(const TeamMembers& members, const std::vector<Sim3>& tea
   for (const PairJoin* join : members.joins)
     joins.push_back({members.place_of(join->a), members.place_of(join->b), &join->seen});
   const std::vector<ClaimedSighting> claimed = claimed_within(members);
-  VisualTeam solved = join(seen, joins, team_from_map, claimed, options_.visual, largest_within(input_.teams, seen));
+  VisualTeam solved =
+      solve_team(seen, joins, team_from_map, claimed, options_.visual, largest_within(input_.teams, seen));
   team.map.nodes = std::move(solved.nodes);
   team.map.landmarks = std::move(solved.landmarks);
   team.map.constraints = std::move(solved.constraints);

@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// What ties its cameras to each other.
+// The constraints between its cameras.
 std::vector<const Constraint*> rig_of(const VisualMap& member) {
   std::vector<const Constraint*> result;
   const auto is_keyframe = [&](const NodeId& id) { return member.number_of(id) < member.keyframes().size(); };

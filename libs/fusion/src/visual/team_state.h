@@ -32,7 +32,7 @@ struct TeamState {
   MetricWitness in_team(const VisualJoin& join, const VisualWitness& w) const {
     return rescaled(w, *members[join.a], *members[join.b], scale_of(join.a), scale_of(join.b));
   }
-  // Whether they are of two cameras that are tied: the last keyframe of one and the first of the other say nothing of
+  // Whether they are of two cameras of one rig: the last keyframe of one and the first of the other say nothing of
   // each other.
   bool are_of_one_rig(std::size_t a, std::size_t b) const;
   // Where the keyframes have them that they are anchored in.

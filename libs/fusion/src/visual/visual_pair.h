@@ -1,6 +1,6 @@
 #pragma once
 // Stages 2 and 3 of fuse() for two maps of keyframes (CORB-SLAM 2.2; CVS III-B): which keyframes look alike, what the
-// judge says of them, and whether that is enough to join.
+// judge says of them, and whether that is enough to merge.
 
 #include "visual_witness.h"
 

@@ -164,9 +164,9 @@ class Team {
 
 }  // namespace
 
-VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
-                const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
-                const VisualFusionOptions& options, const PreviousMerge* before) {
+VisualTeam solve_team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
+                      const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
+                      const VisualFusionOptions& options, const PreviousMerge* before) {
   return Team(members, joins, team_from_map, claimed, options).run(before);
 }
 

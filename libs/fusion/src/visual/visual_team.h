@@ -21,8 +21,8 @@ struct VisualTeam {
 // team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. claimed: by numbers
 // of the members. before: of a merge before, all of whose members are here: it stays for the most part, or all is
 // adjusted again, a large team part by part. null: cold.
-VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
-                const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
-                const VisualFusionOptions& options, const PreviousMerge* before = nullptr);
+VisualTeam solve_team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
+                      const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
+                      const VisualFusionOptions& options, const PreviousMerge* before = nullptr);
 
 }  // namespace mapweave::fusion

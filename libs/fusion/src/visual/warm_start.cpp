@@ -5,10 +5,13 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kMoved_m = 0.02;      // by its client, since: it is adjusted again
-constexpr double kLaidAgain_m = 0.15;  // so far, and its client has laid its map down again
-constexpr double kElsewhere_m = 0.1;   // what was judged of new keyframes says so on the median
-constexpr std::size_t kAlong = 3;      // covisible keyframes that move with one
+// A keyframe that its client moved farther than this since the last merge is adjusted again.
+constexpr double kMoved_m = 0.02;
+// If a client moved a keyframe farther than this, the team is adjusted as a whole.
+constexpr double kLaidAgain_m = 0.15;
+// The same if the matches of keyframes that moved are off by more than this in the median.
+constexpr double kElsewhere_m = 0.1;
+constexpr std::size_t kAlong = 3;  // covisible keyframes that move with one
 
 }  // namespace
 

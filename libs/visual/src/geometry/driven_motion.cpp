@@ -8,7 +8,8 @@ namespace mapweave::visual {
 void go_on(DrivenMotion& driven, const std::optional<Pose3>& odometry_from_camera) {
   if (driven.odometry_from_camera && odometry_from_camera) {
     const Pose3 moved = between(*driven.odometry_from_camera, *odometry_from_camera);
-    driven.metres += moved.t.norm(), driven.radians += Eigen::AngleAxisd(moved.q).angle();
+    driven.metres += moved.t.norm();
+    driven.radians += Eigen::AngleAxisd(moved.q).angle();
   }
   driven.odometry_from_camera = odometry_from_camera;
 }

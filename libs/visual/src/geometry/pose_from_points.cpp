@@ -73,7 +73,9 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
       if (!residual_of(sightings[i], result.view * sightings[i].point_in_map, camera, calibration, r)) continue;
       const double square = r.value.head<2>().squaredNorm();
       if (square > gate * gate) continue;
-      result.fits[i] = 1, ++result.count, sum += square;
+      result.fits[i] = 1;
+      ++result.count;
+      sum += square;
     }
     result.rms_sigma = result.count > 0 ? std::sqrt(sum / (2.0 * result.count)) : 0.0;
   }

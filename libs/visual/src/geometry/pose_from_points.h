@@ -18,7 +18,7 @@ struct Sighting {
   double inverse_depth = 0.0;  // measured; with sigma 0 there is none
   double inverse_depth_sigma = 0.0;
   Eigen::Vector2d slack_px =
-      Eigen::Vector2d::Zero();  // way of the pixel where the point lies farther by one sigma of its distance
+      Eigen::Vector2d::Zero();  // motion of the pixel where the point lies farther by one sigma of its distance
 };
 
 struct PoseFromPoints {

@@ -90,6 +90,53 @@ ColourPicture colour_of(const mrpt::img::CImage& image, const LensCalibration& l
   return {{held, held->data}, raw.cols, raw.rows, raw.step, lens.camera, lens.distortion};
 }
 
+// The (left) picture of an observation, how it was taken and from where.
+struct TakenPicture {
+  const mrpt::img::TCamera* calibration = nullptr;
+  const mrpt::img::CImage* picture = nullptr;
+  Pose3 robot_from_camera;
+};
+
+TakenPicture taken_picture(const mrpt::obs::CObservation& observation) {
+  if (const auto* scan = dynamic_cast<const CObservation3DRangeScan*>(&observation))
+    return {&scan->cameraParamsIntensity, &scan->intensityImage,
+            compose(pose_of(scan->sensorPose), pose_of(scan->relativePoseIntensityWRTDepth))};
+  if (const auto* pair = dynamic_cast<const CObservationStereoImages*>(&observation))
+    return {&pair->leftCamera, &pair->imageLeft, pose_of(mrpt::poses::CPose3D(pair->cameraPose))};
+  const auto& single = dynamic_cast<const CObservationImage&>(observation);
+  return {&single.cameraParams, &single.image, pose_of(single.cameraPose)};
+}
+
+Rectifier rectifier_of(const CObservationStereoImages& pair, const LensCalibration& left, const std::string& label) {
+  const Pose3 left_from_right = pose_of(mrpt::poses::CPose3D(pair.rightCameraPose));
+  const LensCalibration right = lens_of(pair.rightCamera, label);
+  if (!is_finite(left_from_right) || !(left_from_right.t.norm() > 1e-3))
+    refuse(label, "its right camera stands where the left one does", "give the log the right camera's pose");
+  if (left_from_right.t.x() < 0.5 * left_from_right.t.norm())
+    refuse(label, "its right camera is not to the right of the left one",
+           "exchange left and right, or correct the right camera's pose");
+  if (right.camera.width != left.camera.width || right.camera.height != left.camera.height)
+    refuse(label, "its pictures differ in size", "rectify them first");
+  return Rectifier(left, right, left_from_right);
+}
+
+DepthPicture depth_of(const CObservation3DRangeScan& scan, const LensCalibration& lens, const std::string& label) {
+  if (scan.rangeImage.cols() != lens.camera.width || scan.rangeImage.rows() != lens.camera.height)
+    refuse(label,
+           "a depth picture has " + std::to_string(scan.rangeImage.cols()) + " x " +
+               std::to_string(scan.rangeImage.rows()) + " pixels; the size of the colour picture was expected",
+           "register depth to colour");
+  if (!(scan.rangeUnits > 0.0F)) refuse(label, "its depth has no unit", "give the log its depth scale");
+  DepthPicture depth;
+  depth.image = DepthImage(lens.camera.width, lens.camera.height);
+  std::memcpy(depth.image.pixels.data(), scan.rangeImage.data(), depth.image.pixels.size() * sizeof(std::uint16_t));
+  depth.metres_per_unit = static_cast<double>(scan.rangeUnits);
+  depth.delay_s = 1e-9 * static_cast<double>(rawlog::depth_delay_ns(scan));
+  depth.camera = lens.camera;
+  depth.distortion = lens.distortion;
+  return depth;
+}
+
 }  // namespace
 
 std::optional<CameraKind> camera_kind(const mrpt::obs::CObservation& observation) {
@@ -127,66 +174,28 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
   }
   options_.label = label;
 
-  Frame frame;
-  frame.stamp = record.stamp;
-  const mrpt::img::TCamera* calibration = nullptr;
-  const mrpt::img::CImage* picture = nullptr;
-  Pose3 robot_from_camera;
-  if (const auto* scan = dynamic_cast<const CObservation3DRangeScan*>(record.observation.get())) {
-    calibration = &scan->cameraParamsIntensity, picture = &scan->intensityImage;
-    robot_from_camera = compose(pose_of(scan->sensorPose), pose_of(scan->relativePoseIntensityWRTDepth));
-  } else if (const auto* pair = dynamic_cast<const CObservationStereoImages*>(record.observation.get())) {
-    calibration = &pair->leftCamera, picture = &pair->imageLeft;
-    robot_from_camera = pose_of(mrpt::poses::CPose3D(pair->cameraPose));
-  } else {
-    const auto& single = dynamic_cast<const CObservationImage&>(*record.observation);
-    calibration = &single.cameraParams, picture = &single.image;
-    robot_from_camera = pose_of(single.cameraPose);
-  }
+  const TakenPicture taken = taken_picture(*record.observation);
   const auto* pair = dynamic_cast<const CObservationStereoImages*>(record.observation.get());
   if (!lens_) {
-    const LensCalibration left = lens_of(*calibration, label);
-    if (options_.kind == CameraKind::stereo) {
-      const Pose3 left_from_right = pose_of(mrpt::poses::CPose3D(pair->rightCameraPose));
-      const LensCalibration right = lens_of(pair->rightCamera, label);
-      if (!is_finite(left_from_right) || !(left_from_right.t.norm() > 1e-3))
-        refuse(label, "its right camera stands where the left one does", "give the log the right camera's pose");
-      if (left_from_right.t.x() < 0.5 * left_from_right.t.norm())
-        refuse(label, "its right camera is not to the right of the left one",
-               "exchange left and right, or correct the right camera's pose");
-      if (right.camera.width != left.camera.width || right.camera.height != left.camera.height)
-        refuse(label, "its pictures differ in size", "rectify them first");
-      lens_.reset(new Lens{left, Rectifier(left, right, left_from_right)});
-    } else {
-      lens_.reset(new Lens{left, Rectifier(left)});
-    }
-    if (!is_finite(robot_from_camera)) refuse(label, "its pose on the robot is not finite", "correct the pose");
+    const LensCalibration left = lens_of(*taken.calibration, label);
+    lens_.reset(
+        new Lens{left, options_.kind == CameraKind::stereo ? rectifier_of(*pair, left, label) : Rectifier(left)});
+    if (!is_finite(taken.robot_from_camera)) refuse(label, "its pose on the robot is not finite", "correct the pose");
     rig_ = CameraRig{lens_->rectifier.camera(), lens_->rectifier.baseline_m(), options_.kind == CameraKind::rgbd,
-                     compose(robot_from_camera, lens_->rectifier.left_from_rectified())};
+                     compose(taken.robot_from_camera, lens_->rectifier.left_from_rectified()), taken.robot_from_camera};
   }
   rawlog::load_pictures(*record.observation);
+  Frame frame;
+  frame.stamp = record.stamp;
   frame.expected = motion_->at(frame.stamp, rig_->robot_from_camera);
   frame.odometry_from_camera = motion_->odometry_from_camera(frame.stamp, rig_->robot_from_camera);
-  frame.colour = colour_of(*picture, lens_->left);
+  frame.colour = colour_of(*taken.picture, lens_->left);
   frame.colour.raw_from_rectified = lens_->rectifier.left_from_rectified().q;
-  frame.grey = lens_->rectifier.left(grey_of(*picture, lens_->left.camera, label));
+  frame.grey = lens_->rectifier.left(grey_of(*taken.picture, lens_->left.camera, label));
   if (options_.kind == CameraKind::stereo)
     frame.right = lens_->rectifier.right(grey_of(pair->imageRight, lens_->left.camera, label));
-  if (options_.kind == CameraKind::rgbd) {
-    const auto& scan = dynamic_cast<const CObservation3DRangeScan&>(*record.observation);
-    if (scan.rangeImage.cols() != lens_->left.camera.width || scan.rangeImage.rows() != lens_->left.camera.height)
-      refuse(label,
-             "a depth picture has " + std::to_string(scan.rangeImage.cols()) + " x " +
-                 std::to_string(scan.rangeImage.rows()) + " pixels; the size of the colour picture was expected",
-             "register depth to colour");
-    if (!(scan.rangeUnits > 0.0F)) refuse(label, "its depth has no unit", "give the log its depth scale");
-    frame.depth.image = DepthImage(lens_->left.camera.width, lens_->left.camera.height);
-    std::memcpy(frame.depth.image.pixels.data(), scan.rangeImage.data(),
-                frame.depth.image.pixels.size() * sizeof(std::uint16_t));
-    frame.depth.metres_per_unit = static_cast<double>(scan.rangeUnits);
-    frame.depth.delay_s = 1e-9 * static_cast<double>(rawlog::depth_delay_ns(scan));
-    frame.depth.camera = lens_->left.camera, frame.depth.distortion = lens_->left.distortion;
-  }
+  if (options_.kind == CameraKind::rgbd)
+    frame.depth = depth_of(dynamic_cast<const CObservation3DRangeScan&>(*record.observation), lens_->left, label);
   return frame;
 }
 

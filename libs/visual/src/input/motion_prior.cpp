@@ -34,7 +34,10 @@ void MotionPrior::add(const rawlog::Record& record) {
     const Eigen::Vector3d rad_per_s(turning.x, turning.y, turning.z);
     if (rad_per_s.allFinite() && rad_per_s.norm() < 50.0) turning_.push_back({record.stamp, rad_per_s});
   }
-  if (before_) forget_before(odometry_, *before_), forget_before(turning_, *before_);
+  if (before_) {
+    forget_before(odometry_, *before_);
+    forget_before(turning_, *before_);
+  }
 }
 
 std::optional<Pose2> MotionPrior::odometry_at(Stamp when) const {

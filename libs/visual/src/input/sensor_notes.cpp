@@ -28,7 +28,8 @@ int depths_in(const Frame& frame, const Pyramid& left, const LandmarkMap& map, c
 
 std::string note_on_pair(const Frame& frame, const LandmarkMap& map, const ClientOptions& options) {
   Frame exchanged;
-  exchanged.grey = frame.right, exchanged.right = frame.grey;
+  exchanged.grey = frame.right;
+  exchanged.right = frame.grey;
   if (depths_in(exchanged, make_pyramid(exchanged.grey), map, options) >= options.tracking.least_landmarks)
     return "the left and right pictures seem to be exchanged: what the one shows lies on the wrong side in the other; "
            "exchange them";

@@ -6,20 +6,20 @@ namespace mapweave::visual {
 
 LoopClosing::LoopClosing(const std::optional<matching::BinaryVocabulary>& vocabulary, const ClientOptions& options)
     : sigma_px_(options.tracking.sigma_px), options_(options.loops) {
-  if (vocabulary) closer_.emplace(*vocabulary, options);
+  if (vocabulary) detector_.emplace(*vocabulary, options);
 }
 
 void LoopClosing::add(const LandmarkMap& map, int keyframe) {
-  if (closer_) closer_->add(map, keyframe);
+  if (detector_) detector_->add(map, keyframe);
 }
 void LoopClosing::remove(int keyframe) {
-  if (closer_) closer_->remove(keyframe);
+  if (detector_) detector_->remove(keyframe);
 }
 
 std::optional<FoundLoop> LoopClosing::look(LandmarkMap& map, int newest, const Pyramid& picture, const Motion& motion) {
   add(map, newest);
-  if (!closer_ || pending_) return std::nullopt;
-  return closer_->look(map, newest, picture, motion);
+  if (!detector_ || pending_) return std::nullopt;
+  return detector_->look(map, newest, picture, motion);
 }
 
 void LoopClosing::begin(const LandmarkMap& map, FoundLoop loop, Stamp now) {

@@ -16,7 +16,9 @@ class LoopClosing {
   // Without a vocabulary no loops are found.
   LoopClosing(const std::optional<matching::BinaryVocabulary>& vocabulary, const ClientOptions& options);
 
-  const VisualLoopCloser* places() const { return closer_ ? &*closer_ : nullptr; }  // nullptr without a vocabulary
+  const VisualLoopDetector* places() const {
+    return detector_ ? &*detector_ : nullptr;
+  }  // nullptr without a vocabulary
   // Keyframes that places are recognised by.
   void add(const LandmarkMap& map, int keyframe);
   void remove(int keyframe);
@@ -41,7 +43,7 @@ class LoopClosing {
   };
   double sigma_px_;
   VisualLoopOptions options_;
-  std::optional<VisualLoopCloser> closer_;
+  std::optional<VisualLoopDetector> detector_;
   std::optional<Pending> pending_;
   std::vector<ClosedLoop> closed_;
 };

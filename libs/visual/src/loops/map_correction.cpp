@@ -11,7 +11,7 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kSharedInGraph = 30;  // landmarks that tie two keyframes in the essential graph
+constexpr int kSharedInGraph = 30;  // shared landmarks of an edge of the essential graph
 constexpr double kWeakEdge = 10.0;  // landmarks that neighbours in time count as at least
 // A turn by this much moves what is seen as much as a step of a metre does.
 constexpr double kTurnPerMetre = 0.3;
@@ -35,7 +35,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
     bundle_.views.push_back({keyframe.view, 0, number == first});
   }
   const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
-  newest_ = static_cast<std::size_t>(view_number(loop_.newest)),
+  newest_ = static_cast<std::size_t>(view_number(loop_.newest));
   earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
   for (const CovisibilityEdge& edge : covisibility_edges(map, session, kSharedInGraph))
     covisibility_edges_.push_back({view_number(edge.from), view_number(edge.to), edge.landmarks});
@@ -79,7 +79,7 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
     driven_m[i] = driven_m[i - 1], mapped_m[i] = mapped_m[i - 1];
     if (!last.driven.odometry_from_camera || !here.driven.odometry_from_camera) continue;
     const double step_m = between(*last.driven.odometry_from_camera, *here.driven.odometry_from_camera).t.norm();
-    constexpr double kLeast_m = 0.02;  // less tells of noise
+    constexpr double kLeast_m = 0.02;  // less is noise
     if (step_m > kLeast_m) driven_m[i] += step_m, mapped_m[i] += (here.view.centre() - last.view.centre()).norm();
   }
   const auto stretch_between = [&](std::size_t from, std::size_t to) {
@@ -108,7 +108,8 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
                      [&](std::size_t at) { return std::abs(driven_m[at] - driven_m[change.at]) < kDriven_m; }))
       breaks.push_back(change.at);
   if (breaks.empty()) return stretches;
-  breaks.push_back(0), breaks.push_back(order.size());
+  breaks.push_back(0);
+  breaks.push_back(order.size());
   std::sort(breaks.begin(), breaks.end());
   for (std::size_t k = 0; k + 1 < breaks.size(); ++k) {
     const std::size_t first = breaks[k], last = std::min(breaks[k + 1], order.size() - 1);
@@ -285,11 +286,13 @@ void join_sessions(LandmarkMap& map, FoundLoop& loop) {
   for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
     Keyframe& keyframe = map.keyframes[i];
     if (keyframe.gone || keyframe.session != moved) continue;
-    keyframe.view = stretched(keyframe.view * from.inverse(), scale) * to, keyframe.session = kept;
+    keyframe.view = stretched(keyframe.view * from.inverse(), scale) * to;
+    keyframe.session = kept;
     scales[i] = scale;
   }
   if (map.monocular) stretch(map, scales);
-  loop.view = to, loop.scale = 1.0;
+  loop.view = to;
+  loop.scale = 1.0;
 }
 
 }  // namespace mapweave::visual

@@ -3,7 +3,7 @@
 // meanwhile. First the essential graph (ORB-SLAM, section VII-C; CORB-SLAM 2.1), then bundle adjustment of all that is
 // kept.
 
-#include "loop_closer.h"
+#include "loop_detector.h"
 
 #include <mapweave/graph/bundle_adjustment.h>
 #include <mapweave/maps/map_update.h>

@@ -23,7 +23,8 @@ std::pair<int, int> own_landmarks(const LandmarkMap& map, int number, int views)
       if (o.keyframe == number) sigma_px = o.sighting.sigma_px;
     int others = 0;
     for (const Observation& o : seen) others += o.keyframe != number && o.sighting.sigma_px <= sigma_px;
-    ++all, own += others < views;
+    ++all;
+    own += others < views;
   }
   return {own, all};
 }
@@ -65,8 +66,10 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
   for (const CovisibleKeyframe& shared : covisible(map, newest)) {
     if (!may_go(shared.keyframe)) continue;
     const auto [own, all] = own_landmarks(map, shared.keyframe, options.redundant_views);
-    if (own <= least * all && (best < 0 || own < least * all))
-      best = shared.keyframe, least = static_cast<double>(own) / std::max(1, all);
+    if (own <= least * all && (best < 0 || own < least * all)) {
+      best = shared.keyframe;
+      least = static_cast<double>(own) / std::max(1, all);
+    }
   }
   if (best >= 0 || map.keyframe_count() <= options.keyframes) return best;
   // Whoever takes fewest landmarks away, of some that are asked in turn; of equals the earliest.
@@ -79,8 +82,10 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
       const int number = (start + i) % slots;
       if (!may_go(number)) continue;
       const int own = own_landmarks(map, number, 1).first;
-      if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial))
-        best = number, fewest = own;
+      if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial)) {
+        best = number;
+        fewest = own;
+      }
     }
   }
   return best;
@@ -110,7 +115,8 @@ std::size_t thin_frames(LandmarkMap& map, std::size_t most) {
     std::vector<AnchoredFrame> kept;
     kept.reserve((keyframe.frames.size() + 1) / 2);
     for (std::size_t i = 0; i < keyframe.frames.size(); i += 2) kept.push_back(keyframe.frames[i]);
-    keyframe.frames = std::move(kept), count += keyframe.frames.size();
+    keyframe.frames = std::move(kept);
+    count += keyframe.frames.size();
   }
   return count;
 }

@@ -41,10 +41,12 @@ std::optional<MeasuredDepth> DepthMeter::reading(const Eigen::Vector2d& pixel) c
   for (int v = -kAround; v <= kAround; ++v)
     for (int u = -kAround; u <= kAround; ++u) {
       const int value = image.row(y + v)[x + u];
-      if (value == 0)
+      if (value == 0) {
         ++missing;
-      else
-        low = std::min(low, value), high = std::max(high, value);
+      } else {
+        low = std::min(low, value);
+        high = std::max(high, value);
+      }
     }
   const double depth_m = middle * depth_.metres_per_unit;
   if (depth_m < options_.depth.min_depth_m || depth_m > options_.depth.max_depth_m) return std::nullopt;
@@ -59,7 +61,8 @@ std::optional<MeasuredDepth> DepthMeter::disparity(const Eigen::Vector2d& pixel,
   double low = kLeastDisparity_px, high = options_.depth.max_disparity * map_.camera.width;
   if (expected_m > 0.0) {
     const double expected = focal_baseline / expected_m;
-    low = std::max(low, 0.7 * expected - 5.0), high = std::min(high, 1.4 * expected + 5.0);
+    low = std::max(low, 0.7 * expected - 5.0);
+    high = std::min(high, 1.4 * expected + 5.0);
   }
   const auto found = find_disparity(*patch, pixel, right_, low, high);
   if (!found) return std::nullopt;

@@ -34,8 +34,13 @@ void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& pictur
 Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, int level,
                      const std::optional<MeasuredDepth>& depth, double sigma_px) {
   Sighting sighting;
-  sighting.pixel = pixel, sighting.row_flow = flow, sighting.sigma_px = sigma_px * (1 << level);
-  if (depth) sighting.inverse_depth = depth->inverse_depth, sighting.inverse_depth_sigma = depth->sigma;
+  sighting.pixel = pixel;
+  sighting.row_flow = flow;
+  sighting.sigma_px = sigma_px * (1 << level);
+  if (depth) {
+    sighting.inverse_depth = depth->inverse_depth;
+    sighting.inverse_depth_sigma = depth->sigma;
+  }
   return sighting;
 }
 
@@ -61,8 +66,10 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
       double nearest = kNear_px;
       for (const Match& match : matches) {
         const double distance = (match.pixel - pixel).norm();
-        if (distance < nearest && is_known(map.landmark(match.landmark)))
-          nearest = distance, depth = (view * map.landmark(match.landmark).point).z();
+        if (distance < nearest && is_known(map.landmark(match.landmark))) {
+          nearest = distance;
+          depth = (view * map.landmark(match.landmark).point).z();
+        }
       }
     }
     depths.push_back(static_cast<float>(depth));
@@ -80,7 +87,10 @@ bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>&
 
 Keyframe keyframe_of(const PosedFrame& posed) {
   Keyframe made;
-  made.stamp = posed.frame.stamp, made.view = posed.view, made.session = posed.session, made.driven = posed.driven;
+  made.stamp = posed.frame.stamp;
+  made.view = posed.view;
+  made.session = posed.session;
+  made.driven = posed.driven;
   return made;
 }
 
@@ -91,10 +101,12 @@ int add_feature_keyframe(LandmarkMap& map, const PosedFrame& posed, std::vector<
   const View& view = posed.view;
   const auto sighting = [&](int feature) {
     Sighting seen;
-    seen.pixel = features.pixel(feature), seen.sigma_px = options.tracking.sigma_px * (1 << features.level(feature));
-    if (features.inverse_depth(feature) > 0.0)
-      seen.inverse_depth = features.inverse_depth(feature),
+    seen.pixel = features.pixel(feature);
+    seen.sigma_px = options.tracking.sigma_px * (1 << features.level(feature));
+    if (features.inverse_depth(feature) > 0.0) {
+      seen.inverse_depth = features.inverse_depth(feature);
       seen.inverse_depth_sigma = options.depth.inverse_depth_sigma;
+    }
     return seen;
   };
   Keyframe made = keyframe_of(posed);
@@ -158,8 +170,10 @@ int add_keyframe(LandmarkMap& map, const PosedFrame& posed, const std::vector<Ei
   const View map_from_camera = view.inverse();
   DetectorOptions detector;
   detector.cell_px = cell_of_scene(matches.size(), map.camera, options.tracking);
-  if (detector.cell_px < options.tracking.cell_px)
-    detector.threshold = 5, detector.min_strength = 8;  // weak ones are better than none
+  if (detector.cell_px < options.tracking.cell_px) {
+    detector.threshold = 5;
+    detector.min_strength = 8;
+  }  // weak ones are better than none
   const double middle_depth = map.monocular ? middle_depth_of(map, view, matches) : 0.0;
   if (map.monocular)
     for (const DepthCandidate& candidate : map.candidates) occupied.push_back(candidate.now);
@@ -168,8 +182,10 @@ int add_keyframe(LandmarkMap& map, const PosedFrame& posed, const std::vector<Ei
     if (!patch || is_moving(corner.pixel, dynamic_outliers)) continue;
     if (map.monocular) {
       DepthCandidate candidate;
-      candidate.patch = *patch, candidate.pixel = candidate.now = corner.pixel;
-      candidate.keyframe = number, candidate.keyframe_serial = map.keyframe(number).serial;
+      candidate.patch = *patch;
+      candidate.pixel = candidate.now = corner.pixel;
+      candidate.keyframe = number;
+      candidate.keyframe_serial = map.keyframe(number).serial;
       candidate.row_flow = row_flow(map.camera, motion, corner.pixel, middle_depth);
       candidate.inverse_depth = candidate.sigma = 1.3 / middle_depth;  // from near to infinitely far
       map.candidates.push_back(candidate);

@@ -106,8 +106,10 @@ void LandmarkMap::remove_keyframe(int number, int new_parent) {
   }
   for (Landmark& other : landmarks)
     for (Appearance& appearance : other.appearances)
-      if (appearance.keyframe == number)
-        appearance.keyframe = new_parent, appearance.from_keyframe = appearance.from_keyframe * removed_from_parent;
+      if (appearance.keyframe == number) {
+        appearance.keyframe = new_parent;
+        appearance.from_keyframe = appearance.from_keyframe * removed_from_parent;
+      }
   for (const AnchoredFrame& frame : keyframe(number).frames)
     keyframe(new_parent).frames.push_back(anchored(frame.stamp, frame_from_keyframe(frame) * removed_from_parent));
   keyframe(number) = Keyframe();
@@ -125,7 +127,8 @@ void LandmarkMap::fuse(int kept, int other) {
   }
   for (const Appearance& appearance : source.appearances)
     if (target.appearances.size() < kMostAppearances) target.appearances.push_back(appearance);
-  target.tried += source.tried, target.found += source.found;
+  target.tried += source.tried;
+  target.found += source.found;
 }
 
 void LandmarkMap::discard(int number) {

@@ -146,7 +146,9 @@ struct LandmarkMap {
     if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled)
       sighting.slack_px = slack_of(seen, *view);
     sighting.point_in_map = landmark(match.landmark).point;
-    sighting.pixel = match.pixel, sighting.row_flow = match.row_flow, sighting.sigma_px = sigma_px * (1 << match.level);
+    sighting.pixel = match.pixel;
+    sighting.row_flow = match.row_flow;
+    sighting.sigma_px = sigma_px * (1 << match.level);
     if (view != nullptr && seen.borrowed) widen(sighting, seen, (*view * seen.point).z());
     return sighting;
   }

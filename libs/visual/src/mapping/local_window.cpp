@@ -12,11 +12,15 @@ constexpr int kLeastBorrowed = 20;  // landmarks, that hold a window
 
 graph::CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
   graph::CalibrationPrior prior;
-  if (options.learn_readout) prior.readout_step_s = 0.002, prior.readout_s = 0.02;
+  if (options.learn_readout) {
+    prior.readout_step_s = 0.002;
+    prior.readout_s = 0.02;
+  }
   if (options.learn_depth_offset && !map.monocular) {
     constexpr double kBaselineOfDepthCameras_m = 0.075;  // as kInverseDepthSigma_per_m (maps/map_noise.h)
     const double pixel = 1.0 / (map.camera.fx * (map.baseline_m > 0 ? map.baseline_m : kBaselineOfDepthCameras_m));
-    prior.inverse_depth_step = 0.02 * pixel, prior.inverse_depth = 0.2 * pixel;
+    prior.inverse_depth_step = 0.02 * pixel;
+    prior.inverse_depth = 0.2 * pixel;
   }
   return prior;
 }

@@ -49,7 +49,11 @@ float likeness(const WarpedPatch& patch, const GreyImage& image, const Eigen::Ve
     const std::uint8_t* q = image.row(top + y) + left;
     for (int x = 0; x < kAlignSize; ++x) {
       const auto value = static_cast<float>(q[x]);
-      a += p[x], b += value, aa += p[x] * p[x], bb += value * value, ab += p[x] * value;
+      a += p[x];
+      b += value;
+      aa += p[x] * p[x];
+      bb += value * value;
+      ab += p[x] * value;
     }
   }
   const float variance_a = aa - a * a / kCount, variance_b = bb - b * b / kCount;
@@ -113,8 +117,12 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   if (!there || (*there - match->pixel).norm() > kOffLine_px * (1 << warped->level) ||
       std::abs(inverse_depth - candidate.inverse_depth) > kGateSigmas * std::hypot(sigma, candidate.sigma))
     return Look::missed;
-  if (gives_depth) candidate.inverse_depth = inverse_depth, candidate.sigma = sigma;
-  candidate.now = match->pixel, candidate.level_now = warped->level;
+  if (gives_depth) {
+    candidate.inverse_depth = inverse_depth;
+    candidate.sigma = sigma;
+  }
+  candidate.now = match->pixel;
+  candidate.level_now = warped->level;
   return Look::found;
 }
 
@@ -124,7 +132,8 @@ void take_depth(LandmarkMap& map, const DepthCandidate& candidate) {
   landmark.share_unknown = candidate.sigma / candidate.inverse_depth;
   if (landmark.seen.front().keyframe != candidate.keyframe) return;
   Sighting& sighting = landmark.seen.front().sighting;
-  sighting.inverse_depth = candidate.inverse_depth, sighting.inverse_depth_sigma = kCaution * candidate.sigma;
+  sighting.inverse_depth = candidate.inverse_depth;
+  sighting.inverse_depth_sigma = kCaution * candidate.sigma;
   if (landmark.seen.size() == 1)
     landmark.point =
         map.keyframe(candidate.keyframe).view.inverse() *
@@ -135,11 +144,12 @@ void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& 
                      std::vector<Match>& matches, const TrackingOptions& options) {
   Landmark landmark;
   Observation seen{candidate.keyframe, {}};
-  seen.sighting.pixel = candidate.pixel, seen.sighting.row_flow = candidate.row_flow;
+  seen.sighting.pixel = candidate.pixel;
+  seen.sighting.row_flow = candidate.row_flow;
   seen.sighting.sigma_px = options.sigma_px * (1 << candidate.patch.level);
   landmark.appearances.push_back({candidate.patch, candidate.pixel, candidate.keyframe, View()});
   landmark.tried = landmark.found = 1;
-  candidate.landmark = map.add(std::move(landmark)),
+  candidate.landmark = map.add(std::move(landmark));
   candidate.landmark_serial = map.landmark(candidate.landmark).serial;
   map.see(candidate.landmark, seen);
   map.recent_landmarks.emplace_back(candidate.landmark, map.keyframes_made - 1);

@@ -12,8 +12,8 @@ namespace {
 constexpr std::size_t kLeastTracks = 50;   // fewer begin no map: another picture becomes the first
 constexpr double kLeastKept = 0.5;         // of the tracks, before another first picture is taken
 constexpr double kLeastShift = 0.01;       // median motion of the tracks worth a try, in focal lengths
-constexpr double kMiddleDepth_m = 1.0;     // where nothing tells scale
-constexpr double kLeastOdometry_m = 0.02;  // of a motion that tells scale
+constexpr double kMiddleDepth_m = 1.0;     // where nothing gives scale
+constexpr double kLeastOdometry_m = 0.02;  // of a motion that gives scale
 
 template <class Value>
 Value middle_of(std::vector<Value> values) {
@@ -43,7 +43,8 @@ void MonoStart::begin(const Frame& frame, const Pyramid& picture, const ClientOp
     if (const auto patch = cut_patch(picture, corner.pixel, corner.level))
       tracks_.push_back({corner.pixel, corner.pixel, *patch});
   began_with_ = tracks_.size();
-  first_frame_ = frame, first_ = last_ = picture;
+  first_frame_ = frame;
+  first_ = last_ = picture;
   motion_ = View();
 }
 

@@ -16,7 +16,11 @@ class MonoStart {
   std::optional<std::pair<int, int>> add(LandmarkMap& map, const PosedFrame& frame, std::vector<Match>& matches,
                                          const ClientOptions& options);
 
-  void clear() { tracks_.clear(), first_ = last_ = Pyramid(), first_frame_ = Frame(); }
+  void clear() {
+    tracks_.clear();
+    first_ = last_ = Pyramid();
+    first_frame_ = Frame();
+  }
 
  private:
   struct Track {

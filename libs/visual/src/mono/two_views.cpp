@@ -2,122 +2,20 @@
 
 #include "geometry/bundle_sighting.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
-#include <random>
+#include <opencv2/calib3d.hpp>
 
 namespace mapweave::visual {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using Matrix9 = Eigen::Matrix<double, 9, 9>;
-using Vector9 = Eigen::Matrix<double, 9, 1>;
 
 struct RayPair {
   Vector3d first, second;  // z = 1
   double sigma = 0.0;      // on the plane z = 1
 };
-
-struct Model {
-  Matrix3d matrix = Matrix3d::Zero();
-  double score = -1.0;
-};
-
-Vector9 least_vector(const Matrix9& moments) {
-  return Eigen::SelfAdjointEigenSolver<Matrix9>(moments).eigenvectors().col(0);
-}
-Matrix3d by_rows(const Vector9& v) { return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(v.data()); }
-
-// Moves and scales points on z = 1 to their middle and to a spread of sqrt(2) (Hartley, PAMI 19(6), 1997).
-Matrix3d levelling(const std::vector<RayPair>& pairs, const std::vector<std::size_t>& chosen, Vector3d RayPair::*side) {
-  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-  for (std::size_t i : chosen) middle += (pairs[i].*side).head<2>();
-  middle /= static_cast<double>(chosen.size());
-  double spread = 0.0;
-  for (std::size_t i : chosen) spread += ((pairs[i].*side).head<2>() - middle).norm();
-  const double scale = M_SQRT2 * static_cast<double>(chosen.size()) / std::max(spread, 1e-9);
-  Matrix3d result;
-  result << scale, 0, -scale * middle.x(), 0, scale, -scale * middle.y(), 0, 0, 1;
-  return result;
-}
-
-Matrix3d essential_of(const std::vector<RayPair>& pairs, const std::vector<std::size_t>& chosen) {
-  const Matrix3d a = levelling(pairs, chosen, &RayPair::first), b = levelling(pairs, chosen, &RayPair::second);
-  Matrix9 moments = Matrix9::Zero();
-  for (std::size_t i : chosen) {
-    const Vector3d x = a * pairs[i].first, y = b * pairs[i].second;
-    Vector9 row;
-    row << y.x() * x, y.y() * x, y.z() * x;
-    moments += row * row.transpose();
-  }
-  const Eigen::JacobiSVD<Matrix3d> svd(b.transpose() * by_rows(least_vector(moments)) * a,
-                                       Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * Vector3d(1, 1, 0).asDiagonal() * svd.matrixV().transpose();
-}
-
-Matrix3d homography_of(const std::vector<RayPair>& pairs, const std::vector<std::size_t>& chosen) {
-  const Matrix3d a = levelling(pairs, chosen, &RayPair::first), b = levelling(pairs, chosen, &RayPair::second);
-  Matrix9 moments = Matrix9::Zero();
-  for (std::size_t i : chosen) {
-    const Vector3d x = a * pairs[i].first, y = b * pairs[i].second;
-    Vector9 u, v;
-    u << x, Vector3d::Zero(), -y.x() * x;
-    v << Vector3d::Zero(), x, -y.y() * x;
-    moments += u * u.transpose() + v * v.transpose();
-  }
-  return b.inverse() * by_rows(least_vector(moments)) * a;
-}
-
-// Squared distance of each to where the model says the other shows it, in sigmas: to a line, or to a point.
-double essential_error(const Matrix3d& e, const RayPair& pair) {
-  const Vector3d line = e * pair.first, back = e.transpose() * pair.second;
-  const double product = pair.second.dot(line);
-  return product * product / (line.head<2>().squaredNorm() + back.head<2>().squaredNorm()) / (pair.sigma * pair.sigma);
-}
-double homography_error(const Matrix3d& h, const Matrix3d& back, const RayPair& pair) {
-  const Vector3d there = h * pair.first, here = back * pair.second;
-  if (!(std::abs(there.z()) > 1e-9 && std::abs(here.z()) > 1e-9)) return 1e9;
-  const double forth = (there.head<2>() / there.z() - pair.second.head<2>()).squaredNorm();
-  return std::max(forth, (here.head<2>() / here.z() - pair.first.head<2>()).squaredNorm()) /
-         (2.0 * pair.sigma * pair.sigma);
-}
-
-template <class Fit, class Error>
-Model best_model(const std::vector<RayPair>& pairs, std::size_t sample_size, const TwoViewOptions& options, Fit&& fit,
-                 Error&& error) {
-  std::mt19937_64 random(options.seed);
-  const double gate = options.gate_sigmas * options.gate_sigmas;
-  Model best;
-  const auto judge = [&](const std::vector<std::size_t>& sample) {
-    const Matrix3d matrix = fit(pairs, sample);
-    if (!matrix.allFinite()) return;
-    const auto error_of = error(matrix);
-    double score = 0.0;
-    for (const RayPair& pair : pairs) score += std::max(0.0, gate - error_of(pair));
-    if (score > best.score) best = {matrix, score};
-  };
-  std::vector<std::size_t> order(pairs.size()), sample(sample_size);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    for (std::size_t i = 0; i < sample_size; ++i) std::swap(order[i], order[i + random() % (order.size() - i)]);
-    std::copy_n(order.begin(), sample_size, sample.begin());
-    judge(sample);
-  }
-  for (int round = 0; round < 3; ++round) {  // of all that agree
-    const auto error_of = error(best.matrix);
-    std::vector<std::size_t> agreeing;
-    for (std::size_t i = 0; i < pairs.size(); ++i)
-      if (error_of(pairs[i]) < gate) agreeing.push_back(i);
-    if (agreeing.size() >= sample_size) judge(agreeing);
-  }
-  return best;
-}
 
 // Where the rays meet, if that is what both pictures show.
 std::optional<Vector3d> agreed_point(const RayPair& pair, const View& motion, double gate_sigmas) {
@@ -161,13 +59,15 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
     motion.translation /= length;
     result = TwoViews();
     result.second_from_first = motion;
-    result.points.assign(pairs.size(), Vector3d::Zero()), result.fits.assign(pairs.size(), 0);
+    result.points.assign(pairs.size(), Vector3d::Zero());
+    result.fits.assign(pairs.size(), 0);
     std::vector<double> angles;
     const Vector3d centre = motion.centre();
     for (std::size_t p = 0; p < bundle.points.size(); ++p) {
       const Vector3d point = bundle.points[p] / length;
       if (!bundle.sightings[2 * p].fits || !bundle.sightings[2 * p + 1].fits) continue;
-      result.points[pair_of_point[p]] = point, result.fits[pair_of_point[p]] = 1;
+      result.points[pair_of_point[p]] = point;
+      result.fits[pair_of_point[p]] = 1;
       ++result.count;
       angles.push_back(std::atan2(point.cross(point - centre).norm(), point.dot(point - centre)));
     }
@@ -205,75 +105,62 @@ std::optional<Vector3d> meet(const Vector3d& ray_in_first, const Vector3d& ray_i
   return point;
 }
 
-std::vector<View> motions_of_essential(const Matrix3d& essential) {
-  const Eigen::JacobiSVD<Matrix3d> svd(essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Matrix3d u = svd.matrixU(), v = svd.matrixV(), w;
-  if (u.determinant() < 0) u = -u;
-  if (v.determinant() < 0) v = -v;
-  w << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-  const Matrix3d one = u * w * v.transpose(), other = u * w.transpose() * v.transpose();
-  const Vector3d t = u.col(2);
-  return {{one, t}, {one, -t}, {other, t}, {other, -t}};
-}
-
-std::vector<View> motions_of_homography(const Matrix3d& homography) {
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> raw(homography.transpose() * homography);
-  const double middle = std::sqrt(std::max(raw.eigenvalues()[1], 1e-30));
-  const Matrix3d h = homography / (homography.determinant() < 0 ? -middle : middle);
-  const double greatest = raw.eigenvalues()[2] / (middle * middle), least = raw.eigenvalues()[0] / (middle * middle);
-  constexpr double kRotationAlone = 1e-8;  // between squared singular values: they are equal, so nothing moved
-  if (greatest - least < kRotationAlone || greatest < 1.0 || least > 1.0) return {};
-  Vector3d v1 = raw.eigenvectors().col(2), v2 = raw.eigenvectors().col(1), v3 = raw.eigenvectors().col(0);
-  if (v1.cross(v2).dot(v3) < 0) v3 = -v3;
-  std::vector<View> result;
-  for (double sign : {1.0, -1.0}) {
-    const Vector3d in_plane =
-        (std::sqrt(1.0 - least) * v1 + sign * std::sqrt(greatest - 1.0) * v3) / std::sqrt(greatest - least);
-    Matrix3d before, after;
-    const Vector3d normal = v2.cross(in_plane);
-    before << v2, in_plane, normal;
-    after << h * v2, h * in_plane, (h * v2).cross(h * in_plane);
-    const Matrix3d rotation = after * before.transpose();
-    const Vector3d t = (h - rotation) * normal;
-    if (!(t.norm() > 1e-9)) continue;
-    result.push_back({rotation, t.normalized()});
-    result.push_back({rotation, -t.normalized()});
-  }
-  return result;
-}
-
 namespace {
 
-std::vector<RayPair> rays_of(const std::vector<PixelPair>& pairs, const Pinhole& camera) {
-  std::vector<RayPair> rays;
-  for (const PixelPair& pair : pairs)
-    rays.push_back({camera.ray(pair.first), camera.ray(pair.second), pair.sigma_px / std::sqrt(camera.fx * camera.fy)});
-  return rays;
+View view_of(const cv::Mat& rotation, const cv::Mat& translation) {
+  View view;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) view.rotation(i, j) = rotation.at<double>(i, j);
+    view.translation(i) = translation.at<double>(i);
+  }
+  view.translation.normalize();
+  return view;
+}
+
+double middle_sigma_px(const std::vector<PixelPair>& pairs) {
+  std::vector<double> sigmas;
+  for (const PixelPair& pair : pairs) sigmas.push_back(pair.sigma_px);
+  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
+  std::nth_element(sigmas.begin(), middle, sigmas.end());
+  return *middle;
+}
+
+// Of an essential matrix four, of a homography at most four, none of it where nothing but rotation is seen.
+std::vector<View> proposed_motions(const std::vector<PixelPair>& pairs, const Pinhole& camera, double gate_sigmas) {
+  std::vector<cv::Point2d> first, second;
+  for (const PixelPair& pair : pairs) {
+    first.emplace_back(pair.first.x(), pair.first.y());
+    second.emplace_back(pair.second.x(), pair.second.y());
+  }
+  const cv::Matx33d pinhole(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  const double gate_px = gate_sigmas * middle_sigma_px(pairs);
+  constexpr double kSurely = 0.999, kLeastMotion = 1e-9;
+  std::vector<View> proposed;
+  const cv::Mat essential = cv::findEssentialMat(first, second, pinhole, cv::USAC_MAGSAC, kSurely, gate_px);
+  if (!essential.empty()) {
+    cv::Mat one, other, t;
+    cv::decomposeEssentialMat(essential.rowRange(0, 3), one, other, t);
+    for (const cv::Mat& rotation : {one, other})
+      for (const double sign : {1.0, -1.0}) proposed.push_back(view_of(rotation, sign * t));
+  }
+  const cv::Mat homography = cv::findHomography(first, second, cv::USAC_MAGSAC, gate_px);
+  if (homography.empty()) return proposed;
+  std::vector<cv::Mat> rotations, translations, normals;
+  cv::decomposeHomographyMat(homography, pinhole, rotations, translations, normals);
+  for (std::size_t i = 0; i < rotations.size(); ++i)
+    if (cv::norm(translations[i]) > kLeastMotion) proposed.push_back(view_of(rotations[i], translations[i]));
+  return proposed;
 }
 
 }  // namespace
 
-std::vector<View> propose_motions(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                  const TwoViewOptions& options) {
-  constexpr std::size_t kEssential = 8, kHomography = 4;
-  if (pairs.size() < kEssential) return {};
-  const std::vector<RayPair> rays = rays_of(pairs, camera);
-  const Model essential = best_model(rays, kEssential, options, essential_of, [](const Matrix3d& e) {
-    return [e](const RayPair& pair) { return essential_error(e, pair); };
-  });
-  const Model homography = best_model(rays, kHomography, options, homography_of, [](const Matrix3d& h) {
-    return [h, back = Matrix3d(h.inverse())](const RayPair& pair) { return homography_error(h, back, pair); };
-  });
-  std::vector<View> proposed;
-  if (essential.score > 0.0) proposed = motions_of_essential(essential.matrix);
-  if (homography.score > 0.0)
-    for (const View& motion : motions_of_homography(homography.matrix)) proposed.push_back(motion);
-  return proposed;
-}
-
-std::optional<TwoViews> best_motion(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                    const std::vector<View>& proposed, const TwoViewOptions& options) {
-  const std::vector<RayPair> rays = rays_of(pairs, camera);
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                     const TwoViewOptions& options) {
+  if (pairs.size() < static_cast<std::size_t>(options.least_pairs)) return std::nullopt;
+  const std::vector<View> proposed = proposed_motions(pairs, camera, options.gate_sigmas);
+  std::vector<RayPair> rays;
+  for (const PixelPair& pair : pairs)
+    rays.push_back({camera.ray(pair.first), camera.ray(pair.second), pair.sigma_px / std::sqrt(camera.fx * camera.fy)});
   std::vector<int> counts;
   for (const View& motion : proposed) counts.push_back(count_in_front(rays, motion, options));
 
@@ -292,12 +179,6 @@ std::optional<TwoViews> best_motion(const std::vector<PixelPair>& pairs, const P
     if (other.count > options.distinct * best->count && !is_alike(other.second_from_first, best->second_from_first))
       return std::nullopt;
   return std::move(*best);
-}
-
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                     const TwoViewOptions& options) {
-  if (pairs.size() < static_cast<std::size_t>(options.least_pairs)) return std::nullopt;
-  return best_motion(pairs, camera, propose_motions(pairs, camera, options), options);
 }
 
 }  // namespace mapweave::visual

@@ -4,7 +4,6 @@
 
 #include "geometry/pose_from_points.h"
 
-#include <cstdint>
 #include <optional>
 
 namespace mapweave::visual {
@@ -15,8 +14,6 @@ struct PixelPair {
 };
 
 struct TwoViewOptions {
-  int iterations = 200;
-  std::uint64_t seed = 1;
   double gate_sigmas = 3.0;
   double least_share = 0.75;         // of the pairs, that agree
   int least_pairs = 40;              // that agree
@@ -32,28 +29,17 @@ struct TwoViews {
   double parallax_rad = 0.0;
 };
 
-// Motions are proposed by an essential matrix, which planes deceive, and by a homography, which depth does, each of the
-// sample (RANSAC) that most pairs agree with; all of them are then refined by bundle adjustment and judged alike, by
-// pairs that fit and lie in front of both cameras. nullopt where parallax is too small or where two of them explain the
-// pairs: a plane may be seen in two ways. The same input gives the same answer, to the bit.
+// Motions are proposed by an essential matrix, which planes deceive, and by a homography, which depth does (both by
+// OpenCV: MAGSAC++, Barath et al., CVPR 2020; decompositions of Nister 2004, Malis and Vargas 2007); all of them are
+// then refined by bundle adjustment and judged alike, by pairs that fit and lie in front of both cameras. nullopt where
+// parallax is too small or where two of them explain the pairs: a plane may be seen in two ways. The same input gives
+// the same answer, to the bit.
 std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
                                      const TwoViewOptions& options);
-
-// Its two halves: motions worth a try (translations of length 1), and the one that explains the pairs.
-std::vector<View> propose_motions(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                  const TwoViewOptions& options);
-std::optional<TwoViews> best_motion(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                    const std::vector<View>& proposed, const TwoViewOptions& options);
 
 // What two rays (any length; the second's frame is reached by second_from_first) meet in, in the first's frame, by
 // least squares of angles' sines. nullopt where they run apart, or together without parallax.
 std::optional<Eigen::Vector3d> meet(const Eigen::Vector3d& ray_in_first, const Eigen::Vector3d& ray_in_second,
                                     const View& second_from_first);
-
-// (R, t) of an essential matrix: four; of a homography between rays (second ~ H first): at most four, none where
-// nothing but rotation is seen (Ma, Soatto, Kosecka, Sastry: An Invitation to 3-D Vision, 2004, sections 5.2.1
-// and 5.3.3). Translations have length 1.
-std::vector<View> motions_of_essential(const Eigen::Matrix3d& essential);
-std::vector<View> motions_of_homography(const Eigen::Matrix3d& homography);
 
 }  // namespace mapweave::visual

@@ -16,11 +16,15 @@ double strength_at(const GreyImage& image, int cx, int cy) {
     for (int x = cx - kHalf; x < cx + kHalf; ++x) {
       const float gx = 0.5F * static_cast<float>(p[x + 1] - p[x - 1]);
       const float gy = 0.5F * static_cast<float>(p[x + image.width] - p[x - image.width]);
-      xx += gx * gx, yy += gy * gy, xy += gx * gy;
+      xx += gx * gx;
+      yy += gy * gy;
+      xy += gx * gy;
     }
   }
   const float n = 4.0F * kHalf * kHalf;
-  xx /= n, yy /= n, xy /= n;
+  xx /= n;
+  yy /= n;
+  xy /= n;
   return static_cast<double>(0.5F * (xx + yy - std::sqrt((xx - yy) * (xx - yy) + 4.0F * xy * xy)));
 }
 

@@ -18,7 +18,8 @@ FrameFeatureGrid::FrameFeatureGrid(const FeatureFrame& frame, const Pinhole& cam
     const auto width = static_cast<float>(camera.width), height = static_cast<float>(camera.height);
     if (!(point.u_px >= 0 && point.v_px >= 0 && point.u_px < width && point.v_px < height)) continue;
     const float inverse_depth = frame.inverse_depths[i];
-    features_.points.push_back(point), features_.descriptors.push_back(frame.features.descriptors[i]);
+    features_.points.push_back(point);
+    features_.descriptors.push_back(frame.features.descriptors[i]);
     inverse_depths_.push_back(std::isfinite(inverse_depth) && inverse_depth > 0 ? inverse_depth : 0.0F);
     cells.push_back(static_cast<int>(point.v_px) / kCell_px * columns_ + static_cast<int>(point.u_px) / kCell_px);
   }
@@ -56,17 +57,21 @@ int FrameFeatureGrid::find(const matching::OrbDescriptor& descriptor, const Eige
       if (taken[static_cast<std::size_t>(feature)] || !((pixel(feature) - at).squaredNorm() < radius * radius))
         continue;
       const int bits = matching::hamming(descriptor, features_.descriptors[static_cast<std::size_t>(feature)]);
-      if (bits < distance)
-        second = std::min(second, distance), distance = bits, best = feature;
-      else
+      if (bits < distance) {
+        second = std::min(second, distance);
+        distance = bits;
+        best = feature;
+      } else {
         second = std::min(second, bits);
+      }
     }
   return best >= 0 && distance <= kClearlyNearest * second ? best : -1;
 }
 
 FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera) {
   FeatureFrame frame;
-  frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
+  frame.features = features;
+  frame.inverse_depths.assign(features.points.size(), 0.0F);
   return FrameFeatureGrid(frame, camera);
 }
 

@@ -28,8 +28,14 @@ std::optional<WarpedPatch> warp_patch(const Patch& patch, const Eigen::Matrix2d&
   // The level at which a pixel of the new view covers about as much as one of the patch.
   int level = patch.level;
   double covered = area;
-  while (covered > 2.0 && level + 1 < kLevels) covered /= 4.0, ++level;
-  while (covered < 0.5 && level > 0) covered *= 4.0, --level;
+  while (covered > 2.0 && level + 1 < kLevels) {
+    covered /= 4.0;
+    ++level;
+  }
+  while (covered < 0.5 && level > 0) {
+    covered *= 4.0;
+    --level;
+  }
   const Eigen::Matrix2f step = (new_from_patch.inverse() * std::ldexp(1.0, level - patch.level)).cast<float>();
   WarpedPatch result;
   result.level = level;
@@ -73,7 +79,11 @@ std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage&
   mean /= kCount;
   float xx = 0, xy = 0, yy = 0, sx = 0, sy = 0, variance = 0;
   for (std::size_t i = 0; i < kCount; ++i) {
-    xx += gx[i] * gx[i], xy += gx[i] * gy[i], yy += gy[i] * gy[i], sx += gx[i], sy += gy[i];
+    xx += gx[i] * gx[i];
+    xy += gx[i] * gy[i];
+    yy += gy[i] * gy[i];
+    sx += gx[i];
+    sy += gy[i];
     variance += (reference[i] - mean) * (reference[i] - mean);
   }
   hessian << xx, xy, sx, xy, yy, sy, sx, sy, static_cast<float>(kCount);
@@ -102,12 +112,16 @@ std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage&
         const auto n = static_cast<std::size_t>(i);
         current[n] = w00 * p[column] + w01 * p[column + 1] + w10 * q[column] + w11 * q[column + 1];
         const float residual = current[n] - reference[n] + bias;
-        bx += residual * gx[n], by += residual * gy[n], b += residual;
+        bx += residual * gx[n];
+        by += residual * gy[n];
+        b += residual;
       }
     }
     const Eigen::Vector3f change = inverse * Eigen::Vector3f(bx, by, b);
     if (at_rest) break;  // `current` is of the place of rest
-    x -= change.x(), y -= change.y(), bias -= change.z();
+    x -= change.x();
+    y -= change.y();
+    bias -= change.z();
     if (!(std::abs(x - start_x) <= reach && std::abs(y - start_y) <= reach)) return std::nullopt;
     at_rest = change.x() * change.x() + change.y() * change.y() < 0.0009F;
   }
@@ -139,7 +153,10 @@ std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& 
       mean += reference[static_cast<std::size_t>(i)] =
           plain.values[static_cast<std::size_t>((y + 1) * kStride + x + 1)];
   mean /= kCount;
-  for (float& value : reference) value -= mean, variance += value * value;
+  for (float& value : reference) {
+    value -= mean;
+    variance += value * value;
+  }
   if (variance < 1.0F) return std::nullopt;
   const double x = at_level(left.x(), patch.level), y = at_level(left.y(), patch.level);
   const int top = static_cast<int>(std::lround(y - (kAlignHalf - 0.5)));
@@ -156,10 +173,14 @@ std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& 
   for (int row = 0, i = 0; row < kAlignSize; ++row) {
     strip = Eigen::Map<const Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(image.row(top + row) + first, wide)
                 .cast<float>();
-    column_sum += strip, column_squares += strip.square();
+    column_sum += strip;
+    column_squares += strip.square();
     for (int u = 0; u < kAlignSize; ++u, ++i) cross += reference[static_cast<std::size_t>(i)] * strip.segment(u, count);
   }
-  for (int u = 0; u < kAlignSize; ++u) sum += column_sum.segment(u, count), squares += column_squares.segment(u, count);
+  for (int u = 0; u < kAlignSize; ++u) {
+    sum += column_sum.segment(u, count);
+    squares += column_squares.segment(u, count);
+  }
   std::vector<float> scores;
   for (Eigen::Index i = 0; i < count; ++i) {
     const float here = squares[i] - sum[i] * sum[i] / kCount;

@@ -78,7 +78,8 @@ bool BorrowedLandmarks::is_held(const LandmarkMap& map, Entry& entry) const {
   if (entry.slot < 0) return false;
   const Landmark& landmark = map.landmark(entry.slot);
   if (!landmark.gone && landmark.serial == entry.serial) return true;
-  entry.slot = -1, ++entry.failures;  // no keyframe saw it any longer
+  entry.slot = -1;
+  ++entry.failures;  // no keyframe saw it any longer
   return false;
 }
 
@@ -94,13 +95,19 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session,
     if (!matching::flaw(landmark).empty()) continue;
     ++taken;
     Entry& entry = entries_[landmark.id];
-    if (entry.session != session) take_out(map, entry), entry.failures = 0;
+    if (entry.session != session) {
+      take_out(map, entry);
+      entry.failures = 0;
+    }
     if ((entry.known.point_in_map - landmark.point_in_map).norm() > landmark.sigma_m)
       entry.failures = 0;  // another chance
-    entry.known = landmark, entry.session = session, entry.in_view = keyframes_;
+    entry.known = landmark;
+    entry.session = session;
+    entry.in_view = keyframes_;
     if (is_held(map, entry)) {
       Landmark& held = map.landmark(entry.slot);
-      held.point = landmark.point_in_map, held.borrowed->sigma_m = landmark.sigma_m;
+      held.point = landmark.point_in_map;
+      held.borrowed->sigma_m = landmark.sigma_m;
     }
   }
   limit(map);
@@ -127,9 +134,11 @@ std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, const PosedFeatures
     taken[static_cast<std::size_t>(feature)] = 1;
     if (!held) {
       Landmark landmark;
-      landmark.point = entry.known.point_in_map, landmark.descriptor = entry.known.descriptor;
+      landmark.point = entry.known.point_in_map;
+      landmark.descriptor = entry.known.descriptor;
       landmark.borrowed = BorrowedLandmark{id, entry.known.sigma_m, sigma_px * (1 << features.level(feature))};
-      entry.slot = map.add(std::move(landmark)), entry.serial = map.landmark(entry.slot).serial;
+      entry.slot = map.add(std::move(landmark));
+      entry.serial = map.landmark(entry.slot).serial;
     }
     const Eigen::Vector2d pixel = features.pixel(feature) - (at->feature - at->pixel);
     result.push_back({entry.slot, pixel, flow, features.level(feature), feature});
@@ -167,8 +176,10 @@ void BorrowedLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
     Entry& one = entry->second;
     if (is_held(map, one)) {
       const Landmark& landmark = map.landmark(one.slot);
-      if (landmark.tried >= kLeastTries && landmark.found < kFoundShare * landmark.tried)
-        take_out(map, one), one.failures = kMostFailures;
+      if (landmark.tried >= kLeastTries && landmark.found < kFoundShare * landmark.tried) {
+        take_out(map, one);
+        one.failures = kMostFailures;
+      }
     }
     if (one.session == session && expected(one.known, map.camera, view)) one.in_view = keyframes_;
     if (one.in_view + kPatience >= keyframes_) {
@@ -187,7 +198,10 @@ void BorrowedLandmarks::limit(LandmarkMap& map) {
   for (const auto& [id, entry] : entries_) order.emplace_back(entry.in_view, id);
   std::sort(order.begin(), order.end());
   order.resize(order.size() - kMost);
-  for (const auto& [in_view, id] : order) take_out(map, entries_[id]), entries_.erase(id);
+  for (const auto& [in_view, id] : order) {
+    take_out(map, entries_[id]);
+    entries_.erase(id);
+  }
 }
 
 void BorrowedLandmarks::forget(LandmarkMap& map, int session) {

@@ -76,8 +76,10 @@ KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector
   std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
     return std::tie(a.first.v, a.first.u, a.second) < std::tie(b.first.v, b.first.u, b.second);
   });
-  for (const auto& [point, i] : points)
-    result.points.push_back(point), result.descriptors.push_back(features.descriptors[i]);
+  for (const auto& [point, i] : points) {
+    result.points.push_back(point);
+    result.descriptors.push_back(features.descriptors[i]);
+  }
   return result;
 }
 
@@ -158,7 +160,8 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
     const bool published = !landmark.gone && !landmark.borrowed && landmark.seen.size() >= least_seen;
     // The first keyframe that sees it and is of the map holds it.
     const Observation* anchor = nullptr;
-    seen.clear(), now.clear();
+    seen.clear();
+    now.clear();
     if (published)
       for (const Observation& o : landmark.seen) {
         const std::uint32_t serial = map.keyframe(o.keyframe).serial;
@@ -242,8 +245,10 @@ std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetai
   publish_borrowed(map, detail);
   std::vector<MapUpdate> result;
   for (auto& [part, update] : updates_) {
-    sort_by_id(update.nodes), sort_by_id(update.moved), sort_by_id(update.landmarks),
-        sort_by_id(update.changed_landmarks);
+    sort_by_id(update.nodes);
+    sort_by_id(update.moved);
+    sort_by_id(update.landmarks);
+    sort_by_id(update.changed_landmarks);
     sort_by_id(update.borrowed);
     std::sort(update.removed_nodes.begin(), update.removed_nodes.end());
     std::sort(update.removed_landmarks.begin(), update.removed_landmarks.end());
@@ -255,7 +260,10 @@ std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetai
 void MapPublisher::forget(int part) {
   std::vector<std::uint32_t> serials;
   for (SentKeyframe& sent : keyframes_)
-    if (sent.part == part) serials.push_back(sent.serial), sent.part = -1;
+    if (sent.part == part) {
+      serials.push_back(sent.serial);
+      sent.part = -1;
+    }
   for (SentLandmark& sent : landmarks_)
     if (sent.part == part) sent = {};
   std::sort(serials.begin(), serials.end());

@@ -18,7 +18,10 @@ class PlaceExchange {
  public:
   // Of each frame that was not placed; the last one counts.
   void miss(const Frame& frame, const Pyramid& picture) { missed_ = UnplacedFrame{frame, picture, {}}; }
-  void clear() { missed_.reset(), asked_.clear(); }  // the place is known
+  void clear() {
+    missed_.reset();
+    asked_.clear();
+  }  // the place is known
 
   std::optional<PlaceRequest> request(const LandmarkMap& map, const ClientPlace& place, const ClientOptions& options);
   std::optional<UnplacedFrame> take(Stamp stamp);  // that was asked for

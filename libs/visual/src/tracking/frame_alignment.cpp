@@ -117,8 +117,10 @@ FrameAlignment align_frames(const Pyramid& from, const ShownPoints& shown, const
       if (used < 8) break;
       error /= weights;
       if (error > best_error) break;  // the step before made it worse
-      best_error = error, best = view;
-      result.points = used, result.residual = std::sqrt(error);
+      best_error = error;
+      best = view;
+      result.points = used;
+      result.residual = std::sqrt(error);
       // The gradient is of the reference: the picture moves against it; gain and bias were subtracted.
       Eigen::Matrix<float, 8, 8> full = hessian;
       full.diagonal() *= 1.0F + 1e-4F;
@@ -129,7 +131,8 @@ FrameAlignment align_frames(const Pyramid& from, const ShownPoints& shown, const
       Eigen::Matrix<double, 6, 1> motion = -change.head<6>().cast<double>();
       const View small = moved(View(), motion);
       view = view * small;
-      gain += change[6], bias += change[7];
+      gain += change[6];
+      bias += change[7];
       if (motion.head<3>().norm() < 1e-4 && motion.tail<3>().norm() < 1e-4) {
         best = view;
         break;

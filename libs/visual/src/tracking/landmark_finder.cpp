@@ -21,7 +21,10 @@ const Appearance* best_appearance(const LandmarkMap& map, const Landmark& landma
   for (const Appearance& appearance : landmark.appearances) {
     const Eigen::Vector3d other = landmark.point - map.view_of(appearance).centre();
     const double merit = ray.dot(other) / (range * other.norm()) - 0.2 * std::abs(std::log(other.norm() / range));
-    if (merit > best_merit) best_merit = merit, best = &appearance;
+    if (merit > best_merit) {
+      best_merit = merit;
+      best = &appearance;
+    }
   }
   return best;
 }

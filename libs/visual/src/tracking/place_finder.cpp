@@ -55,8 +55,10 @@ std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& k
       if (back.first != i) continue;
       matching::FeaturePair pair;
       pair.camera_a = static_cast<std::uint32_t>(problem.cameras_a.size() - 1);
-      pair.pixel_a = pixel_of(keyframe.features.points[i]), pair.sigma_a_px = sigma_of(keyframe.features.points[i]);
-      pair.pixel_b = pixel_of(features.points[there.first]), pair.sigma_b_px = sigma_of(features.points[there.first]);
+      pair.pixel_a = pixel_of(keyframe.features.points[i]);
+      pair.sigma_a_px = sigma_of(keyframe.features.points[i]);
+      pair.pixel_b = pixel_of(features.points[there.first]);
+      pair.sigma_b_px = sigma_of(features.points[there.first]);
       pair.point_in_a = map_from_camera * (map.camera.ray(pair.pixel_a) * static_cast<double>(keyframe.depths[i]));
       problem.pairs.push_back(pair);
     }

@@ -17,7 +17,8 @@ constexpr std::size_t kPlaces = 12;  // that a picture is compared with, of thos
 Attempt Tracker::locate(LandmarkMap& map, const Pyramid& picture, int among, const View& start, const Motion& speed,
                         double wider) {
   Attempt attempt;
-  attempt.motion = speed, attempt.session = among;
+  attempt.motion = speed;
+  attempt.session = among;
   const std::vector<Match> none;
   const auto near = near_keyframes(map, among, among == place_.session ? place_.matches : none, start,
                                    options_.tracking.near_keyframes);
@@ -56,7 +57,8 @@ Attempt Tracker::follow(LandmarkMap& map, const Frame& frame, const Pyramid& pic
   for (const Match& match : place_.matches) {
     const Eigen::Vector3d p = place_.view * map.landmark(match.landmark).point;
     if (p.z() < 0.1) continue;
-    shown.pixels.push_back(map.camera.project(p)), shown.points.push_back(p);
+    shown.pixels.push_back(map.camera.project(p));
+    shown.points.push_back(p);
   }
   const View moved_by = align_frames(last_, shown, picture, map.camera, expected_motion(frame)).to_from_from;
   return locate(map, picture, place_.session, moved_by * place_.view, motion_of(moved_by, interval_s));
@@ -69,7 +71,7 @@ Departure Tracker::departure_to(const LandmarkMap& map, const View& found, int a
   return departure({left.stamp, left.driven, left.view}, here, options_.session);
 }
 
-Attempt Tracker::find_again(LandmarkMap& map, const VisualLoopCloser* places, const Pyramid& picture, Stamp now,
+Attempt Tracker::find_again(LandmarkMap& map, const VisualLoopDetector* places, const Pyramid& picture, Stamp now,
                             Attempt best) {
   const double interval_s = seconds_between(last_stamp_, now);
   const double repeats_m = places != nullptr ? places->repeats_m() : kUnique_m;
@@ -129,13 +131,16 @@ std::optional<Station> Tracker::astray_since(const Attempt& attempt, Stamp now) 
 void Tracker::go_back(const LandmarkMap& map, const Station& there) {
   recent_.clear();
   place_.reference = newest_of(map, place_.session);
-  place_.view = there.view, motion_ = View();
-  last_stamp_ = there.stamp, last_driven_ = there.driven;
+  place_.view = there.view;
+  motion_ = View();
+  last_stamp_ = there.stamp;
+  last_driven_ = there.driven;
   drop_what_is_gone(map);
 }
 
 void Tracker::take(LandmarkMap& map, const Attempt& attempt, bool is_followed) {
-  place_.matches.clear(), dynamic_outliers_.clear();
+  place_.matches.clear();
+  dynamic_outliers_.clear();
   for (std::size_t i = 0; i < attempt.found.size(); ++i) {
     const Match& match = attempt.found[i];
     Landmark& landmark = map.landmark(match.landmark);
@@ -150,7 +155,8 @@ void Tracker::take(LandmarkMap& map, const Attempt& attempt, bool is_followed) {
   if (is_elsewhere || !is_followed) recent_.clear();
   motion_ = is_elsewhere ? View() : attempt.pose.view * place_.view.inverse();
   if (is_elsewhere) {
-    place_.session = attempt.session, place_.reference = most_seen(map, place_.matches);
+    place_.session = attempt.session;
+    place_.reference = most_seen(map, place_.matches);
     place_.reference_landmarks = place_.matches.size();
   }
   place_.view = attempt.pose.view;
@@ -185,13 +191,17 @@ void Tracker::finish_lost(Stamp stamp, bool shows_something) {
 }
 
 void Tracker::begin_at(TrackedPlace place, Stamp stamp, Pyramid picture) {
-  place_ = std::move(place), motion_ = View(), last_ = std::move(picture);
+  place_ = std::move(place);
+  motion_ = View();
+  last_ = std::move(picture);
   arrive(stamp);
 }
 
 void Tracker::arrive(Stamp stamp) {
   driven_.refused_m = std::numeric_limits<double>::infinity();
-  last_stamp_ = lost_stamp_ = stamp, last_driven_ = driven_, lost_s_ = 0.0;
+  last_stamp_ = lost_stamp_ = stamp;
+  last_driven_ = driven_;
+  lost_s_ = 0.0;
 }
 
 void Tracker::drop_what_is_gone(const LandmarkMap& map) {

@@ -6,7 +6,7 @@
 #include "landmark_finder.h"
 #include "recent_frames.h"
 
-#include "loops/loop_closer.h"
+#include "loops/loop_detector.h"
 
 #include <mapweave/visual/frame.h>
 
@@ -48,9 +48,10 @@ class Tracker {
   // As if the frames since had shown nothing; keyframes since are gone from the map.
   void go_back(const LandmarkMap& map, const Station& there);
   // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same
-  // are no answer, nor are those to which the way did not lead. best: what following came to. Without `places` it looks
-  // around where it was only.
-  Attempt find_again(LandmarkMap& map, const VisualLoopCloser* places, const Pyramid& picture, Stamp now, Attempt best);
+  // are no answer, nor are those that the camera's motion cannot have led to. best: what following came to. Without
+  // `places` it looks around where it was only.
+  Attempt find_again(LandmarkMap& map, const VisualLoopDetector* places, const Pyramid& picture, Stamp now,
+                     Attempt best);
   bool is_good(const LandmarkMap& map, const Attempt& attempt) const;
 
   // The place is what the attempt says.
@@ -63,7 +64,10 @@ class Tracker {
   // What others do to the place: a map begins, or the frame's keyframe was made.
   void begin_at(TrackedPlace place, Stamp stamp, Pyramid picture);
   void move_to(TrackedPlace place) { place_ = std::move(place); }
-  void lose_since(Stamp stamp) { lost_s_ = 1e-3, lost_stamp_ = stamp; }  // the camera may have come anywhere
+  void lose_since(Stamp stamp) {
+    lost_s_ = 1e-3;
+    lost_stamp_ = stamp;
+  }  // the camera may have come anywhere
   void drop_what_is_gone(const LandmarkMap& map);
   void join(int session) { place_.session = session; }
   void stand_at_reference(const LandmarkMap& map) { place_.view = map.keyframe(place_.reference).view; }

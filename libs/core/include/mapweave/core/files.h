@@ -3,11 +3,31 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace mapweave {
+
+// A file to read, or a pipe that somebody writes to; one without a writer is not waited for longer than a second.
+class ReadableFile {
+ public:
+  explicit ReadableFile(std::filesystem::path path);  // throws Error kMissing
+  ~ReadableFile();
+  ReadableFile(const ReadableFile&) = delete;
+  ReadableFile& operator=(const ReadableFile&) = delete;
+  // At most `count` bytes; 0 at the end. Throws Error kMissing; Interrupted while it waits for a pipe.
+  std::size_t read(char* to, std::size_t count);
+  bool rewind();                                  // false where it is a pipe
+  std::uint64_t bytes() const { return bytes_; }  // as it was opened; of a pipe 0
+
+ private:
+  std::filesystem::path path_;
+  int number_ = -1;
+  std::uint64_t bytes_ = 0;
+  std::optional<char> first_;  // was read to know whether there is a writer
+};
 
 // Throws Error kMissing, or kBadInput for a file larger than the caller is ready to hold.
 std::string read_file(const std::filesystem::path&, std::uint64_t most_bytes = std::uint64_t{1} << 32);
@@ -34,6 +54,9 @@ class OutputFolder {
   OutputFolder& operator=(const OutputFolder&) = delete;
   const std::filesystem::path& staging() const { return staging_; }  // write here
   const std::filesystem::path& goal() const { return goal_; }
+  // Where something is at the goal already, what was built goes beside it instead, to a new name: the goal's, the
+  // suffix, and a number where that is taken, too. False where there is nothing.
+  bool step_aside(const std::string& suffix);
   // Syncs, then renames. Throws Error kCannotWrite; then the goal is as it was.
   void commit();
 

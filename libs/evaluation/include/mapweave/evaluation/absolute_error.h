@@ -30,7 +30,24 @@ struct TrajectoryError {
   Statistics rotation_deg;       // angle between orientations, 0..180
 };
 
-// Throws Error(kBadInput) where no stamps match, or the alignment is not determined.
+// One robot's trajectory and its reference.
+struct Compared {
+  Trajectory estimate, reference;
+};
+
+struct AlignedTracks {
+  std::vector<std::vector<PosePair>> tracks;  // one for each that was compared; the estimates lie on the references
+  Sim3 reference_from_estimate;
+};
+
+// One motion for all of them: robots of one map. Throws Error(kBadInput) where the stamps of one of them match nowhere,
+// or the alignment is not determined.
+AlignedTracks aligned_tracks(const std::vector<Compared>&, const TrajectoryErrorOptions& = {});
+
+// Of all poses of all tracks.
+TrajectoryError absolute_error(const AlignedTracks&);
+
+// Throws as aligned_tracks().
 TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference,
                                const TrajectoryErrorOptions& = {});
 
@@ -51,9 +68,11 @@ struct RelativeErrorOptions {
   }
 };
 
-// Errors of the relative poses over each piece. The alignment matters by its scale alone. Throws Error(kBadInput) as
-// above, and where no piece is that long.
+// Errors of the relative poses over each piece; no piece begins in one track and ends in another. The alignment matters
+// by its scale alone. Throws Error(kBadInput) as above, and where no piece is that long.
 TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference,
                                const TrajectoryErrorOptions& = {}, const RelativeErrorOptions& = {});
+
+TrajectoryError relative_error(const AlignedTracks&, const RelativeErrorOptions& = {});
 
 }  // namespace mapweave::evaluation

@@ -4,6 +4,7 @@
 
 #include <mapweave/evaluation/trajectory.h>
 
+#include <optional>
 #include <vector>
 
 namespace mapweave::evaluation {
@@ -28,5 +29,20 @@ std::vector<PosePair> associated(const Trajectory& estimate, const Trajectory& r
 // plane, without scale. Throws Error(kBadInput) where the positions do not fix it: all in one place (se2), or all on
 // one line (se3, sim3).
 Sim3 reference_from_estimate(const std::vector<PosePair>&, AlignmentKind);
+
+// A rotation between the orientations of the whole trajectory: estimate and reference follow different bodies, as a
+// robot and its camera's optical frame.
+struct ConstantRotation {
+  Eigen::Quaterniond reference_body_from_estimate_body;
+  double angle_deg = 0.0;
+  double spread_deg = 0.0;  // of the orientations about it, root of the mean square
+};
+
+// Of pairs that are aligned. nullopt where there is none to speak of: below 3 degrees, or less than three times its
+// spread.
+std::optional<ConstantRotation> constant_rotation(const std::vector<PosePair>& aligned);
+
+// How cameras look that look ahead: x right, y down, z forward, on a robot with x forward, y left, z up.
+Pose3 robot_from_optical();
 
 }  // namespace mapweave::evaluation

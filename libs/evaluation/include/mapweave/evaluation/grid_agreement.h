@@ -1,6 +1,7 @@
 #pragma once
 // How far two occupancy grids of one frame say the same.
 
+#include <mapweave/core/geometry.h>
 #include <mapweave/maps/occupancy_grid.h>
 
 namespace mapweave::evaluation {
@@ -28,5 +29,9 @@ struct GridAgreement {
 
 // Symmetric in its grids. Throws Error(kBadInput) where a grid has no known cell.
 GridAgreement grid_agreement(const OccupancyGrid& a, const OccupancyGrid& b, const GridAgreementOptions& = {});
+
+// A grid in another frame: a point of the grid, times `scale`, lies there by `there_from_grid`. Each cell takes the one
+// under its centre; the cells keep their size. Throws Error(kBadInput) where it would have more than 4e8 cells.
+OccupancyGrid moved(const OccupancyGrid&, const Pose2& there_from_grid, double scale = 1.0);
 
 }  // namespace mapweave::evaluation

@@ -41,9 +41,10 @@ struct RelationErrorOptions {
 // Means over the used relations of |e.xy| and |e.yaw|, e = (i_from_j of the relation)^-1 (+) (i_from_j of the
 // trajectory).
 struct RelationError {
-  std::size_t count = 0;         // relations given
-  std::size_t used = 0;          // of which the trajectory had both poses
-  std::size_t interpolated = 0;  // of the used: with an interpolated pose
+  std::size_t count = 0;           // relations given
+  std::size_t used = 0;            // of which the trajectory had both poses
+  std::size_t interpolated = 0;    // of the used: with an interpolated pose
+  std::size_t between_robots = 0;  // of the used: from one robot's pose to another's
   double translation_mean_m = 0.0, translation_std_m = 0.0, translation_median_m = 0.0, translation_max_m = 0.0;
   double rotation_mean_deg = 0.0, rotation_std_deg = 0.0, rotation_median_deg = 0.0, rotation_max_deg = 0.0;
   double translation_squared_mean = 0.0, translation_squared_std = 0.0;  // m^2
@@ -52,5 +53,15 @@ struct RelationError {
 
 // Throws Error(kBadInput) where no relation can be used: there is no error to speak of.
 RelationError relation_error(const Trajectory&, const std::vector<Relation>&, const RelationErrorOptions& = {});
+
+// Relations, and the robots of one or several maps whose they may be. One is looked for in each robot's trajectory, in
+// their order, and then between the robots of a map; never between maps.
+struct TeamRelations {
+  std::vector<std::vector<Trajectory>> maps;
+  std::vector<Relation> relations;
+};
+
+// Of all of them together.
+RelationError relation_error(const std::vector<TeamRelations>&, const RelationErrorOptions& = {});
 
 }  // namespace mapweave::evaluation

@@ -15,10 +15,10 @@ struct DepthCloudOptions {
   void describe(Visitor& v) {
     v.number("voxel_m", voxel_m, 0.005, 10.0,
              "side in metres of the cubes of the dense point cloud, each of which becomes one point: the mean of all "
-             "points in it");
+             "points in it; larger values keep fewer points");
     v.number("memory_mb", memory_mb, 1.0, 100000.0,
              "memory in megabytes for building the dense point cloud; where it needs more, the side of its cubes is "
-             "doubled");
+             "doubled; larger values keep large clouds fine");
   }
 };
 

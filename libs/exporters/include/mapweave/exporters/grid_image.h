@@ -20,14 +20,14 @@ struct PictureOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("least_width_px", least_width_px, 300, 4000,
-              "least width in pixels of map.color.png; narrower maps get margins, so that title and legend fit");
+              "least width in pixels of map.color.png; narrower maps get margins, so that title and legend fit; larger "
+              "values make wider margins");
     v.integer("common_side_px", common_side_px, 100, 4000,
               "length in pixels to which the longer side of a small map is enlarged in map.color.png, by a whole "
-              "number of pixels per "
-              "cell");
+              "number of pixels per cell; larger values make larger pictures");
     v.integer("most_side_px", most_side_px, 500, 20000,
               "length in pixels that the longer side of a large map does not exceed in map.color.png; several cells "
-              "become one pixel");
+              "become one pixel; larger values make larger pictures");
   }
 };
 

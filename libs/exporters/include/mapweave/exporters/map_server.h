@@ -1,9 +1,11 @@
 #pragma once
 // Occupancy grids as ROS keeps them: an image and a YAML file, for map_server and nav2, and from them.
 
+#include <mapweave/maps/map_identity.h>
 #include <mapweave/maps/occupancy_grid.h>
 
 #include <filesystem>
+#include <map>
 #include <string>
 
 namespace mapweave::exporters {
@@ -12,11 +14,12 @@ namespace mapweave::exporters {
 std::string pgm_bytes(const OccupancyGrid&);
 
 // What goes beside the image: mode trinary, origin of the lower-left pixel, yaw 0, occupied_thresh 0.65, free_thresh
-// 0.196.
-std::string map_server_yaml(const OccupancyGrid&, const std::string& image_name);
+// 0.196; of a map that has an identity map_id, map_version and content_hash, which map_server and nav2 pass over.
+std::string map_server_yaml(const OccupancyGrid&, const std::string& image_name, const MapIdentity& = {});
 
 // Writes <stem>.pgm, then <stem>.yaml beside it.
-void write_map_server(const OccupancyGrid&, const std::filesystem::path& folder, const std::string& stem);
+void write_map_server(const OccupancyGrid&, const std::filesystem::path& folder, const std::string& stem,
+                      const MapIdentity& = {});
 
 // Reads a map by its YAML file; needs `image` (PGM or PNG; relative to the YAML file) and `resolution`, the other keys
 // default to what map_server_yaml writes. As nav2 does: modes trinary, scale (transparent pixels are unknown) and raw
@@ -28,6 +31,8 @@ void write_map_server(const OccupancyGrid&, const std::filesystem::path& folder,
 OccupancyGrid read_map_server(const std::filesystem::path& yaml_file);
 // The image that a YAML file names. Throws what reading the file throws.
 std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file);
+// map_id, map_version and content_hash, as far as the description has them: what this program wrote. Throws as above.
+std::map<std::string, std::string> identity_of_map_server(const std::filesystem::path& yaml_file);
 
 constexpr std::int16_t kServedLogOdds = 300;  // a probability of 0.95
 

@@ -12,10 +12,12 @@ struct OctoMapOptions {
   double memory_mb = 256.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("resolution_m", resolution_m, 0.01, 10.0,
-             "side in metres of the smallest cells of the OctoMap; smaller values need more memory");
+    v.number(
+        "resolution_m", resolution_m, 0.01, 10.0,
+        "side in metres of the smallest cells of the OctoMap; larger values need less memory and show less detail");
     v.number("memory_mb", memory_mb, 1.0, 100000.0,
-             "memory in megabytes for building the OctoMap; where it needs more, the side of its cells is doubled");
+             "memory in megabytes for building the OctoMap; where it needs more, the side of its cells is doubled; "
+             "larger values keep large maps fine");
   }
 };
 

@@ -15,9 +15,11 @@ struct PointCloudOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("voxel_m", voxel_m, 0.005, 10.0,
-             "side in metres of the cubes of the laser's point cloud (map.pcd), in each of which one point is kept");
+             "side in metres of the cubes of the laser's point cloud (map.pcd), in each of which one point is kept; "
+             "larger values keep fewer points");
     v.positive("max_range_m", max_range_m,
-               "laser returns farther than this distance in metres are left out of the point cloud (map.pcd)");
+               "laser returns farther than this distance in metres are left out of the point cloud (map.pcd); larger "
+               "values keep more points, which are less accurate far away");
   }
 };
 

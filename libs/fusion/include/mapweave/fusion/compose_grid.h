@@ -14,15 +14,16 @@ struct ComposeOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("resolution_m", resolution_m, 0.005, 1.0,
-             "side in metres of a cell of the occupancy grid; smaller values show more detail and need more memory");
+             "side in metres of a cell of the occupancy grid; larger values show less detail and need less memory");
     v.positive("max_range_m", max_range_m,
-               "longest part of a laser ray, in metres, that is drawn into the occupancy grid");
+               "longest part of a laser ray, in metres, that is drawn into the occupancy grid; larger values draw more "
+               "of each scan");
     v.number(
         "hit_probability", hit_probability, 0.5, 0.999,
         "probability that a cell is occupied when a ray ends in it; larger values make walls appear after fewer rays");
     v.number("miss_probability", miss_probability, 0.001, 0.5,
-             "probability that a cell is occupied when a ray passes through it; smaller values clear moving objects "
-             "after fewer rays");
+             "probability that a cell is occupied when a ray passes through it; larger values clear moving objects "
+             "after more rays");
   }
 };
 

@@ -9,7 +9,9 @@
 #include <mapweave/maps/judgement.h>
 #include <mapweave/maps/map.h>
 
+#include <atomic>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -57,6 +59,9 @@ struct FusionInput {
       {};                             // never to be matched to each other, the lower id first; unknown ids say nothing
   std::vector<MapPrior> priors = {};  // for lasers; at most one of two maps counts. Unknown ids say nothing
   std::shared_ptr<matching::ModelCache> models = {};  // to be kept for the next merge; speed, never content
+  // Where it is given, an interruption ends the search for places that coincide instead of fuse(): it becomes true,
+  // what was found until then decides, and the interruption is taken (clear_interrupt()).
+  std::shared_ptr<std::atomic<bool>> early_end = {};
 };
 
 struct Component {
@@ -69,7 +74,7 @@ struct Component {
   Table<MapId, double>
       scales;  // of members that were rescaled: one camera does not know its scale, and a grid's may be wrong
   // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The
-  // members' own maps still hold them, so that a join can be undone.
+  // members' own maps still hold them, so that a merge can be undone.
   Table<LandmarkId, LandmarkId> same_as;
 };
 
@@ -113,7 +118,7 @@ struct SubmapPair {
   SubmapId a, b;
   matching::WideWindow a_from_b;
 };
-// What fuse() asks of two maps before it joins any: of these submaps, and of all keyframes that cameras left.
+// What fuse() asks of two maps before it merges any: of these submaps, and of all keyframes that cameras left.
 struct FirstPair {
   MapId a, b;
   std::vector<SubmapPair> submaps;

@@ -55,7 +55,7 @@ struct GridPairResult {
   std::optional<Alignment>
       alignment;  // the best, also where it is not believed; rigid, right in the middle of what is shared
   double probability = 0.0;
-  Reason reason = Reason::none;  // none: the grids join
+  Reason reason = Reason::none;  // none: the grids are merged
   std::string note;              // the reason in words, with numbers
   Evidence evidence;
   double wall_m = 0.0;                           // of the grid that shows less of it
@@ -77,7 +77,8 @@ GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const
 GridVerification verify_alignment(const PreparedGrid& a, const PreparedGrid& b,
                                   const matching::PlanarSimilarity& a_from_b, const GridPairOptions& options = {});
 
-// The ties of two maps that map_of_grid() made, between the nodes that hold the places; of kind between_maps.
+// The constraints between two maps that map_of_grid() made, between the nodes that hold the places; of kind
+// between_maps.
 std::vector<Constraint> constraints_of(const std::vector<GridConstraint>& grid_constraints, const Map& a, const Map& b,
                                        const Hash& because);
 

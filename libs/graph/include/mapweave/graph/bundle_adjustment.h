@@ -45,7 +45,8 @@ struct Bundle {
   std::vector<RelativePoseConstraint> relative_poses;
 };
 
-// How far the calibration may change from what it was, and from none. A step of 0: it is not learnt.
+// Standard deviations of the calibration's change in one adjustment (step), and of its value. A step of 0: not
+// estimated.
 struct CalibrationPrior {
   double readout_step_s = 0.0, readout_s = 0.02;
   double inverse_depth_step = 0.0, inverse_depth = 0.0;  // 1/m
@@ -65,8 +66,8 @@ struct BundleReport {
   int iterations = 0;
 };
 
-// In place. Views that nothing that fits ties to the others stay about where they are. Throws ContractViolation for
-// sightings and ties that name no view, camera or point, or are out of order.
+// In place. Views that no fitting sighting or constraint connects to the others stay about where they are. Throws
+// ContractViolation for sightings and constraints that name no view, camera or point, or are out of order.
 BundleReport adjust(Bundle& bundle, const BundleOptions& options = {});
 
 }  // namespace mapweave::graph

@@ -26,15 +26,14 @@ struct SolveOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("iterations", iterations, 1, 1000,
-              "most iterations of the solver in each round of optimising the pose graph");
+              "most iterations of the solver in each round of optimising the pose graph; larger values are slower and "
+              "change nothing once it has converged");
     v.positive("truncation_chi2", truncation_chi2,
                "a loop closure whose squared error in standard deviations (chi-square, 3 degrees of freedom) stays "
-               "above this is removed "
-               "as an outlier");
+               "above this is removed as an outlier; larger values keep more loop closures");
     v.integer("robust_rounds", robust_rounds, 1, 100,
               "number of rounds of graduated non-convexity (GNC), in which outliers among loop closures lose their "
-              "weight; fewer rounds "
-              "decide more abruptly");
+              "weight; larger values decide more gradually and take longer");
   }
 };
 

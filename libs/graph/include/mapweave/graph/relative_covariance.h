@@ -14,7 +14,8 @@ namespace mapweave::graph {
 // Not thread-safe.
 class RelativeCovariance {
  public:
-  // `weights` of the edges, 0 to 1, as solve() returns them. Nodes that no edge ties to the others are known to 100 m.
+  // `weights` of the edges, 0 to 1, as solve() returns them. Nodes that no edge connects to the others have a
+  // sigma of 100 m.
   RelativeCovariance(const std::vector<Pose2>& poses, const std::vector<Edge>& edges,
                      const std::vector<double>& weights);
   ~RelativeCovariance();

@@ -28,60 +28,58 @@ struct FrontEndOptions {
   int lost_scans = 10;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.non_negative(
-        "min_range_m", min_range_m,
-        "laser returns nearer than this distance in metres are left out, because they show the robot's own body");
+    v.non_negative("min_range_m", min_range_m,
+                   "laser returns nearer than this distance in metres are left out, because they show the robot's own "
+                   "body; larger values drop more returns");
     v.positive("max_range_m", max_range_m,
-               "laser returns farther than this distance in metres are left out of maps and matching");
+               "laser returns farther than this distance in metres are left out of maps and matching; larger values "
+               "use more returns, which are less accurate far away");
     v.positive("thinning_m", thinning_m,
-               "points of a scan nearer than this distance in metres to the last kept one are not matched; smaller "
-               "values match more "
-               "points and take longer");
+               "points of a scan nearer than this distance in metres to the last kept one are not matched; larger "
+               "values match fewer points and are faster");
     v.integer("most_points", most_points, 20, 250,
-              "most points of one scan that are matched; more points are more accurate and slower");
+              "most points of one scan that are matched; larger values are more accurate and slower");
     v.positive("window_m", window_m,
                "half the side, in metres, of the window around the pose predicted by odometry in which a scan is "
-               "searched for");
+               "searched for; larger values survive worse odometry and take longer");
     v.positive("window_yaw_rad", window_yaw_rad,
                "largest deviation in radians from the heading predicted by odometry that is searched; wheel odometry "
-               "misses turns by "
-               "several degrees");
+               "misses turns by several degrees; larger values survive worse odometry and take longer");
     v.positive("insert_distance_m", insert_distance_m,
                "a scan is inserted into the current submaps after the robot moved this far in metres since the last "
-               "inserted one");
+               "inserted one; larger values insert fewer scans and are faster");
     v.positive("insert_yaw_rad", insert_yaw_rad,
                "a scan is inserted into the current submaps after the robot turned by this angle in radians since the "
-               "last inserted one");
+               "last inserted one; larger values insert fewer scans and are faster");
     v.number("submap_length_m", submap_length_m, 1.0, 100.0,
-             "length in metres of the path in one submap; the next submap begins half-way, so that neighbours overlap");
+             "length in metres of the path in one submap; the next submap begins half-way, so that neighbours overlap; "
+             "larger values make fewer submaps, which are easier to recognise and contain more drift");
     v.integer("submap_scans", submap_scans, 10, 100000,
               "most scans in one submap, however short its path: bounds the size of submaps of a robot that stands "
-              "still or turns");
-    v.positive(
-        "odometry_sigma_m", odometry_sigma_m,
-        "standard deviation in metres of the position from odometry between two scans of a robot that stands still");
+              "still or turns; larger values make fewer submaps");
+    v.positive("odometry_sigma_m", odometry_sigma_m,
+               "standard deviation in metres of the position from odometry between two scans of a robot that stands "
+               "still; larger values trust the laser more");
     v.non_negative("odometry_sigma_per_m", odometry_sigma_per_m,
                    "growth of the odometry's position error in metres per metre driven between two scans; larger "
                    "values trust the laser "
                    "more");
-    v.positive(
-        "odometry_sigma_yaw_rad", odometry_sigma_yaw_rad,
-        "standard deviation in radians of the heading from odometry between two scans of a robot that stands still");
+    v.positive("odometry_sigma_yaw_rad", odometry_sigma_yaw_rad,
+               "standard deviation in radians of the heading from odometry between two scans of a robot that stands "
+               "still; larger values trust the laser more");
     v.non_negative("odometry_sigma_yaw_per_rad", odometry_sigma_yaw_per_rad,
                    "growth of the odometry's heading error in radians per radian turned between two scans; larger "
                    "values trust the laser "
                    "more");
     v.fraction("point_information_scale", point_information_scale,
                "information of a scan match relative to that of points with independent errors; below 1, because the "
-               "points of a scan "
-               "share errors, and smaller values trust odometry more");
+               "points of a scan share errors; larger values trust scan matches more");
     v.integer("lost_scans", lost_scans, 1, 100000,
               "number of consecutive scans without odometry that match nowhere after which a new, unconnected piece of "
-              "map begins");
+              "map begins; larger values begin a new piece later");
     v.fraction("min_inliers", min_inliers,
                "least share of a scan's points that must lie on walls of the submap for the match to be believed; "
-               "otherwise odometry is "
-               "followed");
+               "larger values follow odometry more often");
   }
 };
 
@@ -97,28 +95,27 @@ struct LaserLoopOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("drift_per_m", drift_per_m,
-               "growth of the position error in metres per metre of path; sets how far around the estimate loop "
-               "closures are searched for");
+               "growth of the position error in metres per metre of path; larger values search for loop closures "
+               "farther around the estimate, take longer and let them bend the path more");
     v.positive("drift_yaw_per_submap_rad", drift_yaw_per_submap_rad,
-               "growth of the heading error in radians from one submap to the next; sets how far around the estimate "
-               "loop closures are "
-               "searched for");
+               "growth of the heading error in radians from one submap to the next; larger values search for loop "
+               "closures farther around the estimate, take longer and let them bend the path more");
     v.positive("max_radius_m", max_radius_m,
                "largest radius in metres around the estimate in which loop closures are searched for, however long the "
-               "path was");
+               "path was; larger values correct larger drift and take longer");
     v.integer("nearest", nearest, 0, 1000,
-              "number of nearest earlier submaps that are searched for a loop closure when a submap is finished");
+              "number of nearest earlier submaps that are searched for a loop closure when a submap is finished; "
+              "larger values find more loop closures and take longer");
     v.integer("alike", alike, 0, 1000,
               "number of most similar earlier submaps, by their descriptors, that are searched for a loop closure when "
-              "a submap is "
-              "finished");
+              "a submap is finished; larger values find more loop closures and take longer");
     v.positive("confirm_radius_m", confirm_radius_m,
-               "a loop closure found in a search window of a larger radius, in metres, is believed only once a second "
-               "one agrees with it");
+               "search radius in metres beyond which a loop closure is believed only once a second one agrees with it; "
+               "larger values believe more single ones");
     v.fraction("min_probability", min_probability,
                "least probability of a loop closure, by its walls, to be considered; larger values close fewer loops");
     v.integer("cache_mb", cache_mb, 1, 100000,
-              "memory in megabytes for submaps that are kept ready for matching; less memory is slower and gives the "
+              "memory in megabytes for submaps that are kept ready for matching; larger values are faster and give the "
               "same map");
   }
 };
@@ -137,13 +134,14 @@ struct SweepOptions {
            "are, where no "
            "option gives the sweep");
     v.number("delay_s", delay_s, -1.0, 1.0,
-             "time in seconds from when a scan was taken to its stamp, for undistorting it by the robot's motion; an "
-             "estimate replaces it");
-    v.positive(
-        "shortest_s", shortest_s,
-        "sweep times and delays below this time in seconds count as zero, since they bend scans less than noise does");
+             "time in seconds from when a scan was taken to its stamp, for undistorting it by the robot's motion; "
+             "larger values mean later stamps; an estimate replaces it");
+    v.positive("shortest_s", shortest_s,
+               "sweep times and delays below this time in seconds count as zero, since they bend scans less than noise "
+               "does; larger values correct fewer lasers");
     v.positive("min_sigmas", min_sigmas,
-               "an estimated sweep time or delay is used once it is this many standard deviations away from zero");
+               "an estimated sweep time or delay is used once it is this many standard deviations away from zero; "
+               "larger values need more turns of the robot before scans are corrected");
   }
 };
 

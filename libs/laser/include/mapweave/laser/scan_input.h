@@ -35,23 +35,23 @@ struct ScanInputOptions {
   void describe(Visitor& v) {
     v.text("label", label,
            "sensor label of the laser to map with where a log has several; empty: the first one in the log");
-    v.non_negative(
-        "min_range_m", min_range_m,
-        "laser readings below this distance in metres count as no return, because they show the robot's own body");
+    v.non_negative("min_range_m", min_range_m,
+                   "laser readings below this distance in metres count as no return, because they show the robot's own "
+                   "body; larger values drop more readings");
     v.non_negative("max_range_m", max_range_m,
-                   "laser readings of this distance in metres or more count as no return; 0: the sensor's own maximum, "
-                   "at most 200 m");
+                   "laser readings of this distance in metres or more count as no return; larger values keep more "
+                   "readings; 0: the sensor's own maximum, at most 200 m");
     v.positive("max_speed_mps", max_speed_mps,
-               "odometry that jumps by more than this speed in m/s allows was reset; the robot is taken to have stood "
-               "still during the "
-               "jump");
+               "largest plausible speed of odometry in m/s; a faster jump counts as a reset during which the robot "
+               "stood still; larger values miss resets");
     v.choice("sweep", sweep,
              {{"automatic", SweepSource::automatic}, {"given", SweepSource::given}, {"none", SweepSource::none}},
              "how long the laser takes for one sweep, which distorts scans of a moving robot; automatic: the engine "
              "graph estimates it "
              "from the scans; given: as sweep_s says; none: all rays are taken at once");
     v.number("sweep_s", sweep_s, 0.0, 5.0,
-             "time in seconds from the first ray of a scan to its last one (laser.scan.sweep: given)");
+             "time in seconds from the first ray of a scan to its last one (laser.scan.sweep: given); larger values "
+             "undistort scans of a moving robot more");
     v.choice(
         "sweep_order", sweep_order,
         {{"along_rays", SweepOrder::along_rays}, {"against_rays", SweepOrder::against_rays}},

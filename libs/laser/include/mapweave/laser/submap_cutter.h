@@ -17,15 +17,15 @@ struct MotionNoiseOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive(
-        "m_per_sqrt_m", m_per_sqrt_m,
-        "standard deviation of the position in metres after 1 m of motion; grows with the square root of the path");
-    v.positive(
-        "rad_per_sqrt_m", rad_per_sqrt_m,
-        "standard deviation of the heading in radians after 1 m of motion; grows with the square root of the path");
-    v.positive(
-        "rad_per_sqrt_rad", rad_per_sqrt_rad,
-        "standard deviation of the heading in radians after turning by 1 rad; grows with the square root of the turn");
+    v.positive("m_per_sqrt_m", m_per_sqrt_m,
+               "standard deviation of the position in metres after 1 m of motion; grows with the square root of the "
+               "path; larger values trust this motion less");
+    v.positive("rad_per_sqrt_m", rad_per_sqrt_m,
+               "standard deviation of the heading in radians after 1 m of motion; grows with the square root of the "
+               "path; larger values trust this motion less");
+    v.positive("rad_per_sqrt_rad", rad_per_sqrt_rad,
+               "standard deviation of the heading in radians after turning by 1 rad; grows with the square root of the "
+               "turn; larger values trust this motion less");
   }
 };
 
@@ -40,14 +40,16 @@ struct SubmapCutterOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.non_negative("scan_distance_m", scan_distance_m,
-                   "a scan becomes part of a submap after this much motion in metres since the last one that did");
+                   "a scan becomes part of a submap after this much motion in metres since the last one that did; "
+                   "larger values keep fewer scans");
     v.non_negative("scan_yaw_rad", scan_yaw_rad,
-                   "a scan becomes part of a submap after this much turning in radians since the last one that did");
+                   "a scan becomes part of a submap after this much turning in radians since the last one that did; "
+                   "larger values keep fewer scans");
     v.integer("min_returns", min_returns, 1, 100000,
-              "scans with fewer returns than this never become part of a submap");
-    v.positive(
-        "submap_length_m", submap_length_m,
-        "length in metres of the path in one submap; the next submap begins half-way, so that neighbours overlap");
+              "least number of returns of a scan to become part of a submap; larger values leave more scans out");
+    v.positive("submap_length_m", submap_length_m,
+               "length in metres of the path in one submap; the next submap begins half-way, so that neighbours "
+               "overlap; larger values make fewer submaps, which are easier to recognise and contain more drift");
     v.section("scan_match", scan_match,
               "noise of the motion between two scans as the engine (rbpf or icp) estimates it");
     v.section("odometry", odometry, "noise of the motion between two scans as wheel odometry measures it");

@@ -115,7 +115,7 @@ struct InOneMap {
                                // empty: there is none
 };
 
-// Whether two maps join, and how we know.
+// Whether two maps are merged, and how we know.
 struct Verdict {
   MapId a, b;  // a < b
   TierId by;

@@ -41,15 +41,19 @@ struct AlignmentOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("iterations", iterations, 1, 1000000,
-              "most samples that RANSAC draws for one alignment of two keyframes");
+              "most samples that RANSAC draws for one alignment of two keyframes; larger values align more pairs and "
+              "take longer");
     v.fraction("confidence", confidence,
                "RANSAC ends early once it has drawn a sample without outliers with this probability; larger values "
                "draw more samples");
-    v.integer("refinements", refinements, 1, 1000, "most least-squares steps that refine an alignment found by RANSAC");
+    v.integer("refinements", refinements, 1, 1000,
+              "most least-squares steps that refine an alignment found by RANSAC; larger values are slower and change "
+              "nothing once it has converged");
     v.integer("seed", seed, 0, 4294967295,
               "seed of the random samples that RANSAC draws; the same seed gives the same alignment");
     v.integer("least_inliers", least_inliers, 4, 100000,
-              "least number of matches that must agree for RANSAC to return an alignment at all");
+              "least number of matches that must agree for RANSAC to return an alignment at all; larger values return "
+              "fewer alignments");
   }
 };
 
@@ -67,8 +71,8 @@ struct AlignmentFit {
 // `least_inliers` agree or where they leave a direction open.
 std::optional<AlignmentFit> search_alignment(const AlignmentProblem&, const AlignmentOptions& = {});
 
-// From a guess: least squares over the pairs that agree with it (Geman-McClure's weights), which pairs these are being
-// told anew after each step. nullopt as above.
+// From a guess: least squares over the pairs that agree with it (Geman-McClure's weights), and these are found anew
+// after each step. nullopt as above.
 std::optional<AlignmentFit> refine_alignment(const AlignmentProblem&, const Sim3& a_from_b,
                                              const AlignmentOptions& = {});
 

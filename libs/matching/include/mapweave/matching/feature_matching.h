@@ -37,13 +37,11 @@ struct MatchingOptions {
               "and more wrong "
               "ones");
     v.fraction("ratio", ratio,
-               "largest ratio of the distances to the nearest and the second nearest descriptor (Lowe's test); smaller "
-               "values are "
-               "stricter, 1 switches the test off");
+               "largest ratio of the distances to the nearest and the second nearest descriptor (Lowe's test); larger "
+               "values keep more matches, 1 switches the test off");
     v.number("rotation_window_deg", rotation_window_deg, 0.0, 360.0,
-             "width in degrees of the window around the commonest rotation of matched features; matches outside are "
-             "dropped, 360 "
-             "switches the test off");
+             "width in degrees of the window around the commonest rotation of matched features, outside of which "
+             "matches are dropped; larger values keep more matches, 360 switches the test off");
   }
 };
 
@@ -53,7 +51,7 @@ struct MatchingOptions {
 std::vector<FeatureMatch> match_features(const FeaturesView& a, const FeaturesView& b,
                                          const MatchingOptions& options = {});
 
-// The matches whose patches turned by about the angle by which most did. Fewer than eight matches tell no such angle:
+// The matches whose patches turned by about the angle by which most did. Fewer than eight matches give no such angle:
 // then all.
 std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesView& b, std::vector<FeatureMatch> matches,
                                         double window_deg);

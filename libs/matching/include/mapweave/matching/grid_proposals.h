@@ -22,18 +22,16 @@ struct GridProposalOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("scale_range", scale_range, 0.0, 0.3,
-             "largest error of a grid's stated resolution that is searched, as a share either way; 0 searches one "
-             "scale alone");
+             "largest error of a grid's stated resolution that is searched, as a share up or down; larger values align "
+             "grids with worse resolutions and take longer; 0 searches one scale alone");
     v.number("scale_step", scale_step, 0.005, 0.1,
-             "step between two scales that are searched, as a share; smaller values take longer");
+             "step between two scales that are searched, as a share; larger values are faster and may miss the scale");
     v.integer("rotations", rotations, 1, 72,
               "number of rotations of one grid against the other that are searched: those that best explain the "
-              "directions of walls in "
-              "both");
+              "directions of walls in both; larger values miss fewer alignments and take longer");
     v.non_negative("contradiction", contradiction,
                    "weight of a wall that lies in the other grid's free space, relative to one that lies on a wall; "
-                   "larger suits grids "
-                   "of one day, smaller furniture that moves");
+                   "larger values suit grids of one day, where furniture has not moved");
     v.integer("most", most, 1, 100,
               "number of proposed alignments that are refined and verified for each pair of grids; larger values miss "
               "fewer places and "

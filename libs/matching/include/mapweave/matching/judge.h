@@ -31,36 +31,36 @@ struct JudgeOptions {
                "places that look different");
     v.fraction("rival_ratio", rival_ratio,
                "alignments of two submaps that score at least this share of the best one's score are kept as rivals; "
-               "smaller values keep "
-               "more of them");
+               "larger values keep fewer of them");
     v.non_negative("min_overlap_m2", min_overlap_m2,
-                   "least area in square metres that two submaps must both have seen to be taken for the same place");
+                   "least area in square metres that two submaps must both have seen to be taken for the same place; "
+                   "larger values refuse more pairs of submaps");
     v.fraction("min_inliers", min_inliers,
                "least share of the walls that both submaps could see that both have; larger values refuse more pairs "
                "of submaps");
     v.fraction("max_conflict", max_conflict,
-               "largest share of one submap's walls that may lie where the other submap's laser saw free space; "
-               "smaller values refuse "
-               "more pairs");
+               "largest share of one submap's walls that may lie where the other submap's laser saw free space; larger "
+               "values accept more pairs");
     v.positive("max_contradiction_m", max_contradiction_m,
-               "longest single stretch of wall, in metres, that may lie where the other submap's laser saw free space");
+               "longest single stretch of wall, in metres, that may lie where the other submap's laser saw free space; "
+               "larger values accept more pairs of submaps");
     v.fraction("max_second_best", max_second_best,
                "a rival alignment that scores more than this share of the best one's score makes the pair of submaps "
                "ambiguous; larger "
                "values accept more pairs");
     v.fraction("min_observability", min_observability,
                "least constraint of the alignment along its weakest direction, from 0 (a bare corridor) to 1 (walls in "
-               "all directions); "
-               "pairs below it are not believed");
+               "all directions); larger values refuse more pairs of submaps");
     v.flag("second_verifier", second_verifier,
            "check each alignment of two submaps by an independent registration of oriented wall points (ICP); refuses "
            "more wrong pairs "
            "and takes longer");
     v.fraction("min_verifier_inliers", min_verifier_inliers,
-               "least share of wall points that the second verifier (ICP) must pair within its reach");
-    v.positive(
-        "max_verifier_disagreement_m", max_verifier_disagreement_m,
-        "largest distance in metres by which the second verifier (ICP) may move an alignment that was found by search");
+               "least share of wall points that the second verifier (ICP) must pair within its reach; larger values "
+               "refuse more pairs of submaps");
+    v.positive("max_verifier_disagreement_m", max_verifier_disagreement_m,
+               "largest distance in metres by which the second verifier (ICP) may move an alignment that was found by "
+               "search; larger values accept more pairs of submaps");
     v.integer("search_budget", search_budget, 1000, 100000000,
               "most nodes that one branch-and-bound search of two submaps looks at; a search that reaches it keeps "
               "what it has found; "

@@ -15,19 +15,19 @@ struct DescriptionOptions {
   int most_views = 8;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("reach_px", reach_px,
-               "longest distance in pixels, on the feature's pyramid level, from a projected landmark to the ORB "
-               "feature that gives it "
-               "its descriptor");
+    v.positive(
+        "reach_px", reach_px,
+        "longest distance in pixels, on the feature's pyramid level, from a projected landmark to the ORB feature that "
+        "gives it its descriptor; larger values describe more landmarks, some by a feature beside them");
     v.positive("sigma_px", sigma_px,
                "standard deviation in pixels of where a landmark is seen in one picture; times its distance it gives "
-               "the landmark's "
-               "position error");
+               "the landmark's position error; larger values trust shared landmarks less");
     v.positive("sigma_m", sigma_m,
-               "least standard deviation in metres that a shared landmark is given, however often it was seen");
-    v.integer(
-        "most_views", most_views, 1, 1000,
-        "number of keyframes, the latest first, whose features are considered when a landmark gets its descriptor");
+               "least standard deviation in metres that a shared landmark is given, however often it was seen; larger "
+               "values trust shared landmarks less");
+    v.integer("most_views", most_views, 1, 1000,
+              "number of keyframes, the latest first, whose features are considered when a landmark gets its "
+              "descriptor; larger values look at more views and take longer");
   }
 };
 

@@ -36,18 +36,18 @@ struct RetrievalOptions {
   int most = 400;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number(
-        "margin_px", margin_px, 0.0, 1000.0,
-        "width in pixels of the border around the picture within which a projected landmark still counts as in view");
+    v.number("margin_px", margin_px, 0.0, 1000.0,
+             "width in pixels of the border around the picture within which a projected landmark still counts as in "
+             "view; larger values share more landmarks");
     v.positive("most_turn_rad", most_turn_rad,
                "largest angle in radians between the direction from which a landmark was seen and the one from which "
-               "it would be seen now");
+               "it would be seen now; larger values share more landmarks, which look more different");
     v.number("most_range_ratio", most_range_ratio, 1.0, 100.0,
-             "largest factor between the distance at which a landmark was seen and its distance now; features look "
-             "different beyond it");
+             "largest factor between the distance at which a landmark was seen and its distance now; larger values "
+             "share more landmarks, which look more different");
     v.integer("most", most, 1, 1000000,
               "most landmarks that are shared with one camera at a time: those that were seen from the most similar "
-              "viewpoints");
+              "viewpoints; larger values send more bytes");
   }
 };
 
@@ -57,7 +57,8 @@ struct LandmarkIndexOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("cell_m", cell_m, 0.05, 1000.0,
-             "side in metres of the cells in which landmarks are looked up; affects speed, not what is found");
+             "side in metres of the cells in which landmarks are looked up; affects speed, not what is found; larger "
+             "cells are fewer and take longer to look through");
     v.flag("spatial", spatial,
            "divide space by height too, in steps of cell_m, for buildings with many floors; off: each cell reaches "
            "from the ground to "

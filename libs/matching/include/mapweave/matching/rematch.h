@@ -25,18 +25,20 @@ struct RematchOptions {
                "find more "
                "constraints and take longer");
     v.integer("most_submaps", most_submaps, 0, 100,
-              "most submaps that each scan is matched to again, the nearest first; 0 switches the step off");
-    v.fraction(
-        "min_inliers", min_inliers,
-        "least share of a scan's points that must lie on walls of the submap for the match to become a constraint");
+              "most submaps that each scan is matched to again, the nearest first; larger values are more accurate and "
+              "slower; 0 switches the step off");
+    v.fraction("min_inliers", min_inliers,
+               "least share of a scan's points that must lie on walls of the submap for the match to become a "
+               "constraint; larger values make fewer constraints");
     v.positive("max_correction_m", max_correction_m,
-               "matches that would move a scan by more than this distance in metres are dropped as wrong");
+               "matches that would move a scan by more than this distance in metres are dropped as wrong; larger "
+               "values keep more matches, also wrong ones");
     v.positive("max_correction_rad", max_correction_rad,
-               "matches that would turn a scan by more than this angle in radians are dropped as wrong");
+               "matches that would turn a scan by more than this angle in radians are dropped as wrong; larger values "
+               "keep more matches, also wrong ones");
     v.fraction("information_scale", information_scale,
                "information of a scan match relative to that of points with independent errors; well below 1, because "
-               "the points of a "
-               "scan share errors of pose and sensor");
+               "the points of a scan share errors of pose and sensor; larger values trust these matches more");
   }
 };
 

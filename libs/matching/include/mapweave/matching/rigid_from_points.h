@@ -19,7 +19,7 @@ struct PointPair {
 
 // a_from_b of least squares (Horn: Closed-form solution of absolute orientation using unit quaternions, JOSA A 4(4),
 // 1987; scale by his symmetric form, section 2.E, which errs alike in both directions). nullopt where the points do not
-// tell the rotation: fewer than three, all in a line or at one place; or where they are no numbers.
+// determine the rotation: fewer than three, all in a line or at one place; or where they are no numbers.
 std::optional<Sim3> align_points(const std::vector<PointPair>& pairs, Freedom freedom);
 
 // Poses camera_from_world of a camera that sees three points of the world along three rays (unit vectors in the

@@ -33,27 +33,28 @@ struct VisualJudgeOptions {
                "matches as inliers");
     v.positive("guided_radius_px", guided_radius_px,
                "radius in pixels around the projection of a landmark within which its feature is looked for once a "
-               "first alignment is "
-               "known");
+               "first alignment is known; larger values find more matches and more wrong ones");
     v.integer("guided_max_distance", guided_max_distance, 1, 256,
-              "most bits of 256 in which a feature found by projection may differ from the landmark's descriptor");
+              "most bits of 256 in which a feature found by projection may differ from the landmark's descriptor; "
+              "larger values find more matches and more wrong ones");
     v.integer("neighbours", neighbours, 0, 100,
               "number of covisible keyframes on each side whose features and landmarks take part when two keyframes "
-              "are compared");
+              "are compared; larger values recognise more places and take longer");
     v.integer("min_inliers", min_inliers, 4, 100000,
-              "least number of matches that must agree with the alignment of two keyframes");
+              "least number of matches that must agree with the alignment of two keyframes; larger values refuse more "
+              "pairs of keyframes");
     v.fraction("min_found", min_found,
-               "least share of the landmarks expected in the other keyframe's view that must be found there");
+               "least share of the landmarks expected in the other keyframe's view that must be found there; larger "
+               "values refuse more pairs of keyframes");
     v.fraction("max_conflict", max_conflict,
                "largest share of the landmarks expected in the other keyframe's view that it may have seen through to "
-               "something farther");
+               "something farther; larger values accept more pairs of keyframes");
     v.fraction("max_second_best", max_second_best,
                "a distinct rival alignment with more than this share of the best one's matches makes the pair of "
-               "keyframes ambiguous");
+               "keyframes ambiguous; larger values accept more pairs of keyframes");
     v.fraction("min_spread", min_spread,
                "least extent of the matches over the pictures along the narrower direction, as a share of the "
-               "picture's size; matches in "
-               "one corner align badly");
+               "picture's size; matches in one corner align badly; larger values refuse more pairs of keyframes");
   }
 };
 

@@ -45,7 +45,8 @@ struct LogContents {
   std::uint64_t observations = 0, scans = 0;
   Stamp first, last;
   double duration_s = 0.0;
-  double odometry_length_m = 0.0;  // sum of steps; 0 where there is no odometry
+  double odometry_length_m = 0.0;   // sum of steps; 0 where there is no odometry
+  std::vector<std::string> doubts;  // what is implausible of its numbers (unit_check.h), with a guess
   bool has_laser() const { return scans > 0; }
 };
 
@@ -53,5 +54,9 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
 
 // The format's name, without reading further than needed to know it. Throws what open_log throws.
 std::string format_of_log(const std::filesystem::path& log);
+
+// Whether the ground truth that comes with the log follows its camera's optical frame (folders of TUM RGB-D and KITTI)
+// and not the robot (EuRoC: the body of its sensor files).
+bool truth_follows_camera(const std::filesystem::path& log);
 
 }  // namespace mapweave::rawlog

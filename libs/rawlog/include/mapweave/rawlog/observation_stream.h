@@ -44,13 +44,11 @@ struct ReadOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.non_negative("reorder_window_s", reorder_window_s,
-                   "records of a log that are out of order by up to this time in seconds are sorted; records that are "
-                   "later than that "
-                   "are an error");
+                   "records of a log that are out of order by up to this time in seconds are sorted; larger values "
+                   "accept worse logs and need more memory; records that are later than that are an error");
     v.positive("max_object_mb", max_object_mb,
                "an object in a rawlog of more than this size in megabytes is treated as damage, so that a broken "
-               "length cannot exhaust "
-               "memory");
+               "length cannot exhaust memory; larger values accept larger objects");
     v.number(
         "laser_x_m", laser_x_m, -100.0, 100.0,
         "distance in metres of the laser ahead of the robot's origin, for CARMEN and g2o logs that do not give it");
@@ -61,13 +59,14 @@ struct ReadOptions {
         "laser_yaw_rad", laser_yaw_rad, -7.0, 7.0,
         "heading of the laser on the robot in radians, counter-clockwise, for CARMEN and g2o logs that do not give it");
     v.non_negative("max_range_m", max_range_m,
-                   "laser readings of this distance in metres or more count as no return in CARMEN and g2o logs; 0: "
-                   "the maximum is found "
-                   "from the log");
-    v.positive("scan_rate_hz", scan_rate_hz, "scans per second by which a g2o log without time stamps is stamped");
+                   "laser readings of this distance in metres or more count as no return in CARMEN and g2o logs; "
+                   "larger values keep more readings; 0: the maximum is found from the log");
+    v.positive(
+        "scan_rate_hz", scan_rate_hz,
+        "scans per second by which a g2o log without time stamps is stamped; larger values make its recording shorter");
     v.number("max_pair_s", max_pair_s, 0.0, 1.0,
              "colour and depth pictures of a folder belong to one frame when their stamps differ by less than this "
-             "time in seconds");
+             "time in seconds; larger values pair more pictures, with larger errors of a moving camera");
   }
 };
 

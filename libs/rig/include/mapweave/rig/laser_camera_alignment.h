@@ -20,29 +20,27 @@ struct LaserCameraOptions {
   void describe(Visitor& v) {
     v.positive("longest_gap_s", longest_gap_s,
                "longest time in seconds between the two scans around a keyframe for the keyframe to be constrained to "
-               "the laser's "
-               "trajectory");
-    v.positive("extrinsic_sigma_m", extrinsic_sigma_m,
-               "standard deviation in metres between a keyframe and the laser's interpolated pose at its time: errors "
-               "of extrinsics, "
-               "stamps and interpolation");
+               "the laser's trajectory; larger values make more constraints, with larger errors");
+    v.positive(
+        "extrinsic_sigma_m", extrinsic_sigma_m,
+        "standard deviation in metres between a keyframe and the laser's interpolated pose at its time: errors of "
+        "extrinsics, stamps and interpolation; larger values let the camera map move against the laser map more");
     v.positive("extrinsic_sigma_rad", extrinsic_sigma_rad,
                "standard deviation in radians between the heading of a keyframe and of the laser's interpolated pose "
-               "at its time");
+               "at its time; larger values let the camera map turn against the laser map more");
     v.positive("covisibility_sigma_m", covisibility_sigma_m,
                "standard deviation in metres of the motion between two covisible keyframes in the joint graph of laser "
-               "and cameras");
+               "and cameras; larger values let the laser bend the camera map more");
     v.non_negative("covisibility_sigma_per_m", covisibility_sigma_per_m,
                    "standard deviation of the motion between two covisible keyframes as a share of its length, added "
-                   "to covisibility_sigma_m, in the "
-                   "joint graph of laser and cameras");
+                   "to covisibility_sigma_m, in the joint graph of laser and cameras; larger values let the laser bend "
+                   "the camera map more");
     v.positive("covisibility_sigma_rad", covisibility_sigma_rad,
                "standard deviation in radians of the rotation between two covisible keyframes in the joint graph of "
-               "laser and cameras");
+               "laser and cameras; larger values let the laser bend the camera map more");
     v.integer("least_shared", least_shared, 1, 100000,
               "least number of landmarks that two keyframes must share to be constrained to each other in the joint "
-              "graph of laser and "
-              "cameras");
+              "graph of laser and cameras; larger values make fewer constraints and let the camera map bend more");
   }
 };
 

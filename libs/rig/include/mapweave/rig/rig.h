@@ -33,26 +33,24 @@ struct RigOptions {
   void describe(Visitor& v) {
     v.flag("enabled", enabled,
            "merge the maps of the cameras of one robot by their extrinsics; off: each camera keeps a map of its own");
-    v.positive(
-        "longest_gap_s", longest_gap_s,
-        "longest time in seconds between the two poses that a virtual keyframe of another camera is interpolated from");
+    v.positive("longest_gap_s", longest_gap_s,
+               "longest time in seconds between the two poses that a virtual keyframe of another camera is "
+               "interpolated from; larger values make more constraints between cameras, with larger errors");
     v.positive("least_common_s", least_common_s,
-               "least time in seconds that sessions of two cameras must have in common to be merged");
+               "least time in seconds that sessions of two cameras must have in common to be merged; larger values "
+               "leave more cameras apart");
     v.positive("threshold_m", threshold_m,
                "the rig's pose graph is optimised where two of its cameras disagree about the robot's position by more "
-               "than this "
-               "distance in metres");
+               "than this distance in metres; larger values optimise less often");
     v.positive("threshold_rad", threshold_rad,
                "the rig's pose graph is optimised where two of its cameras disagree about the robot's heading by more "
-               "than this angle in "
-               "radians");
+               "than this angle in radians; larger values optimise less often");
     v.positive("extrinsic_sigma_m", extrinsic_sigma_m,
                "standard deviation in metres of an extrinsic constraint between two cameras of a rig: errors of "
-               "extrinsics and of stamps");
+               "extrinsics and of stamps; larger values let the cameras move against each other more");
     v.positive("extrinsic_sigma_rad", extrinsic_sigma_rad,
                "standard deviation in radians of the heading of an extrinsic constraint between two cameras of a rig: "
-               "errors of "
-               "extrinsics and of stamps");
+               "errors of extrinsics and of stamps; larger values let the cameras turn against each other more");
     v.positive("acceleration_m_per_s2", acceleration_m_per_s2,
                "acceleration of the robot in m/s^2 between the two poses that a virtual keyframe is interpolated from; "
                "larger values "
@@ -65,35 +63,34 @@ struct RigOptions {
                "standard deviation in metres of the motion between two covisible keyframes of one camera; larger "
                "values let the rig's "
                "pose graph bend the camera's map more");
-    v.non_negative("covisibility_sigma_per_m", covisibility_sigma_per_m,
-                   "standard deviation of the motion between two covisible keyframes of one camera as a share of its "
-                   "length, added to "
-                   "covisibility_sigma_m");
+    v.non_negative(
+        "covisibility_sigma_per_m", covisibility_sigma_per_m,
+        "standard deviation of the motion between two covisible keyframes of one camera as a share of its length, "
+        "added to covisibility_sigma_m; larger values let the rig's pose graph bend the camera's map more");
     v.positive("covisibility_sigma_rad", covisibility_sigma_rad,
-               "standard deviation in radians of the rotation between two covisible keyframes of one camera");
+               "standard deviation in radians of the rotation between two covisible keyframes of one camera; larger "
+               "values let the rig's pose graph bend the camera's map more");
     v.positive("covisibility_sigma_scale", covisibility_sigma_scale,
                "standard deviation of the relative scale between two covisible keyframes of a monocular camera, whose "
-               "scale drifts");
+               "scale drifts; larger values let the rig's pose graph change its scale more");
     v.positive("wheels_share", wheels_share,
                "error of wheel odometry as a share of motion and of turns, where it gives a rig of monocular cameras "
-               "its scale");
+               "its scale; larger values trust wheels less");
     v.integer("least_shared", least_shared, 1, 100000,
               "least number of landmarks that two keyframes of one camera must share to be constrained to each other "
-              "in the rig's pose "
-              "graph");
+              "in the rig's pose graph; larger values make fewer constraints and let the map bend more");
     v.positive("wrong_m", wrong_m,
                "two cameras contradict each other where their motions over the same time differ by more than this "
-               "distance in metres "
-               "plus wrong_share of the motion");
+               "distance in metres plus wrong_share of the motion; larger values accept worse extrinsics");
     v.non_negative("wrong_share", wrong_share,
-                   "growth of wrong_m with the motion over which two cameras are compared, as a share of its length");
+                   "growth of wrong_m with the motion over which two cameras are compared, as a share of its length; "
+                   "larger values accept worse extrinsics");
     v.positive("wrong_rad", wrong_rad,
                "two cameras contradict each other where their rotations over the same time differ by more than this "
-               "angle in radians");
+               "angle in radians; larger values accept worse extrinsics");
     v.fraction("most_wrong", most_wrong,
-               "largest share of contradicting motions at which the maps of two cameras are merged; more mean wrong "
-               "extrinsics, and the "
-               "maps stay apart");
+               "largest share of contradicting motions at which the maps of two cameras are merged; a larger share "
+               "means wrong extrinsics, and the maps stay apart; larger values merge more cameras");
     v.section("trajectory", trajectory, "the robot's trajectory averaged over its cameras");
   }
 };

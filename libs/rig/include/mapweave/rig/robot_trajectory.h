@@ -18,24 +18,20 @@ struct RobotTrajectoryOptions {
   void describe(Visitor& v) {
     v.positive("longest_gap_s", longest_gap_s,
                "longest time in seconds between two frames of a camera for its pose to be interpolated between them; "
-               "longer gaps count "
-               "as no pose");
+               "larger values bridge longer gaps, with larger errors");
     v.positive("hand_over_s", hand_over_s,
                "time in seconds over which a camera that appears or disappears gains or loses its weight in the "
                "robot's averaged "
                "trajectory; larger values are smoother");
     v.positive("doubt_m", doubt_m,
                "cameras of one robot that disagree by more than this distance in metres are not averaged; the majority "
-               "is followed, or "
-               "else those nearest to odometry");
+               "is followed, or else those nearest to odometry; larger values average more often");
     v.positive("doubt_rad", doubt_rad,
                "cameras of one robot whose headings disagree by more than this angle in radians are not averaged; the "
-               "majority is "
-               "followed, or else those nearest to odometry");
+               "majority is followed, or else those nearest to odometry; larger values average more often");
     v.positive("odometry_s", odometry_s,
                "longest time in seconds since the cameras last agreed for which odometry decides which of them to "
-               "follow; beyond it "
-               "odometry has drifted too far");
+               "follow; larger values rely longer on odometry, which drifts");
   }
 };
 

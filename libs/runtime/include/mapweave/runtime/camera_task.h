@@ -27,6 +27,7 @@ struct CameraResult {
 struct FrameTrajectory {
   std::string label;
   std::vector<StampedPose> frames;
+  Pose3 robot_from_optical = {};  // the camera's optical frame, as it is mounted
 };
 
 // A camera's name among the robot's sensors, and of its folder.
@@ -52,6 +53,7 @@ struct CamerasOutcome {
   // elsewhere and never came back to a place that it knew.
   std::vector<CameraMap> maps;
   std::vector<std::string> notes;     // why its cameras left several maps
+  std::vector<std::string> doubts;    // what is implausible of the log's numbers
   std::vector<StampedPose> odometry;  // of the robot at its cameras' frames, in a frame of its own
   double log_seconds = 0.0;
   double cpu_seconds = 0.0;

@@ -9,6 +9,8 @@
 #include <atomic>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace mapweave::runtime {
 
@@ -16,8 +18,9 @@ struct LaserOutcome {
   tiers::RobotOutcome outcome;
   RobotWork work;  // packing_s, mapping_s, sensed_bytes, repeated_s, repeated_bytes
   std::uint64_t scans = 0;
-  double log_seconds = 0.0;  // of data
-  double cpu_seconds = 0.0;  // the helper's left out
+  double log_seconds = 0.0;        // of data
+  double cpu_seconds = 0.0;        // the helper's left out
+  std::vector<std::string> notes;  // what is implausible of the log's numbers
 };
 
 // Not thread-safe, but each call may come from another thread.

@@ -58,8 +58,8 @@ struct ServerCounts {
   double saving_s = 0.0;                          // processor time
   double longest_hold_s = 0.0;                    // of the maps by one who changed or read them
   bool is_merging = false;         // or rests from it, before what came since is merged, if that is enough
-  std::vector<std::string> notes;  // of the last merge, for people: why cameras of one robot are not tied
-  std::string trouble;             // why it saves or joins nothing any more; empty: it does
+  std::vector<std::string> notes;  // of the last merge, for people: why cameras of one robot are not merged
+  std::string trouble;             // why it saves or merges nothing any more; empty: it does
 };
 
 // All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a

@@ -1,12 +1,13 @@
 #pragma once
 // manifest.json: what made a folder of results, of what, and the checksum of every file in it.
 
-#include <mapweave/core/hash.h>
+#include <mapweave/maps/map_identity.h>
 
 #include <nlohmann/json_fwd.hpp>
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -23,8 +24,9 @@ struct InputFile {
 Hash hash_of_input(const std::filesystem::path& log);
 
 // Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for
-// "outputs_with_times": files that say how long things took.
+// "outputs_with_times": files that say how long things took. `maps`: by the paths of their stores.
 nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs,
-                                     const std::filesystem::path& folder);
+                                     const std::filesystem::path& folder,
+                                     const std::map<std::string, MapIdentity>& maps = {});
 
 }  // namespace mapweave::runtime

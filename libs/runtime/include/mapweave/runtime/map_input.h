@@ -2,6 +2,7 @@
 // A map that is given by its path: what merge, export and inspect read.
 
 #include <mapweave/maps/map.h>
+#include <mapweave/maps/map_identity.h>
 
 #include <filesystem>
 #include <map>
@@ -17,6 +18,7 @@ struct MapInput {
   std::vector<std::filesystem::path> files;          // all that was read: of a map_server grid its image too
   std::vector<std::string> notes;                    // for people: what is odd about a grid
   std::map<std::string, std::string> metadata = {};  // of a store
+  MapIdentity identity = {};                         // of a store of one map
 };
 
 // A store (.mwdb), a live map server's journal (.mwj: its clients' own maps, one by one), a map_server grid (.yaml), or
@@ -24,5 +26,9 @@ struct MapInput {
 // names. Throws Error: kMissing for what is not there, kBadInput for anything else, or where there is no map in it,
 // what reading throws.
 MapInput read_map_input(const std::filesystem::path& path, MapId name);
+
+// The folders of team maps in a folder of results of run or merge: team/, or team-1/, team-2/ ... where maps stayed
+// apart (earlier versions: team/, team-1/ ...). Empty where there is none.
+std::vector<std::filesystem::path> team_folders(const std::filesystem::path& results);
 
 }  // namespace mapweave::runtime

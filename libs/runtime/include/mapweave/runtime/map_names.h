@@ -19,7 +19,8 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths);
 Map rekeyed(const Map&, MapId id, const std::function<RobotId(RobotId)>& renamed);
 
 // Gives maps whose robots occur in another map of the list robots of their own: the map's id, or "<id>.<robot>" where
-// it has several (cut to a name's length, and numbered where taken). The answer is sorted by map id. `notes`: a line
+// it has several (cut to a name's length, and numbered where taken). Parts of one robot's log (alpha.1, alpha.2) stay
+// that robot's. The answer is sorted by map id. `notes`: a line
 // per renamed robot.
 std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::string>& notes);
 

@@ -30,7 +30,7 @@ std::pair<std::string, std::string> parse_pair(std::string_view text, const std:
 // "A,B,x,y,yaw[,sigma[,sigma_yaw]]": metres and radians. Throws Error(kUsage) for anything else.
 Anchor parse_anchor(std::string_view text);
 
-// Without the maps that are to be left out: those called so, and those of robots called so. Throws Error(kUsage), with
+// The maps without those named, by map or robot. Throws Error(kUsage), with
 // the names there are, for a name of neither, or where nothing would be left.
 std::vector<Map> without(std::vector<Map> maps, const std::vector<std::string>& names);
 // Puts the other requests into the input, whose maps are those that were left. Throws Error(kUsage) as without(), for a

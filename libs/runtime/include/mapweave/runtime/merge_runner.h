@@ -16,10 +16,10 @@ struct MergeSettings {
 };
 
 // `paths`: stores (.mwdb), journals of live map servers (.mwj), map_server grids (.yaml), folders of one map and
-// folders of results, in any order. A team's store, and a folder of results, stand for the robots' own maps that they
-// were made of, under the same names; refusals, priors and options of fusion that a team was made with hold again, and
-// notes say so, unless they are to be forgotten or said anew. Throws Error: what read_map_input(), without() and
-// apply() throw, kCannotWrite; Interrupted.
+// folders of results; the first one gives the frame (team.frame), else their order changes nothing. A team's store, and
+// a folder of results, stand for the robots' own maps that they were made of, under the same names; refusals, priors
+// and options of fusion that a team was made with hold again, and notes say so, unless they are to be forgotten or said
+// anew. Throws Error: what read_map_input(), without() and apply() throw, kCannotWrite; Interrupted.
 Report run_merge(const RunConfiguration&, const std::vector<std::filesystem::path>& paths, const MergeSettings&,
                  WorkerPool&, Progress&);
 

@@ -5,6 +5,7 @@
 #include <mapweave/core/exit_code.h>
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/judgement.h>
+#include <mapweave/runtime/team_frame.h>
 #include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/coordinator.h>
 
@@ -37,7 +38,7 @@ struct CameraReport {
 struct RigReport {
   std::vector<std::string> cameras;  // empty for one alone
   std::uint64_t constraints = 0;
-  double apart_before_m = 0.0, apart_after_m = 0.0;  // root mean square of what the ties are off by
+  double apart_before_m = 0.0, apart_after_m = 0.0;  // root mean square error of the constraints
   bool optimised = false;                            // they were apart by more than the threshold
 };
 
@@ -51,6 +52,7 @@ struct RobotReport {
   double wall_seconds = 0.0;          // from opening the log to the finished map
   double cpu_seconds = 0.0;           // the helper's included
   bool mapped = false;
+  bool is_cut_short = false;     // by an interruption: the map shows what came before
   std::optional<Error> trouble;  // why the stream ended early
   double real_time_factor() const { return wall_seconds > 0.0 ? log_seconds / wall_seconds : 0.0; }
 };
@@ -58,7 +60,9 @@ struct RobotReport {
 // How maps merged at one tier.
 struct FusionReport {
   TierId tier;
-  std::vector<std::vector<MapId>> components;  // members, largest component first
+  std::vector<std::vector<MapId>> components;       // members, largest component first
+  std::vector<TeamFrame> frames;                    // of each; none of slam
+  std::vector<Table<MapId, Pose3>> team_from_maps;  // of each, where its members' map frames lie
   std::vector<Verdict> verdicts;
   std::vector<fusion::PairAudit> audits;
 };
@@ -87,6 +91,7 @@ struct Report {
   std::optional<Timeline> timeline;  // run; none where it was interrupted
   std::optional<CoordinationReport> coordination;
   std::vector<std::string> notes;  // for people: maps renamed, maps too large to draw
+  std::string saved_at;            // where, if not where it was to be: it was interrupted, and an older result is there
   std::string picture;             // the one to look at first, within the folder; may be empty
   bool interrupted = false;
   double wall_seconds = 0.0;

@@ -21,6 +21,7 @@ struct RobotResult {
                            // no camera maps
   RobotReport report;
   RobotWork work;
+  std::vector<std::string> notes;  // what is implausible of the log's numbers
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };
 
@@ -28,6 +29,7 @@ struct RobotResult {
 struct MappingSettings {
   const RunConfiguration& configuration;
   bool keep_going;
+  bool saves_part;                   // an interruption ends the log, as if it were cut short there
   const std::atomic<bool>& give_up;  // becomes true where another robot's trouble ends the run
   Progress& progress;
 };
@@ -39,7 +41,9 @@ struct MappedTogether {
 
 // Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going`
 // only. A log that cannot be read and an engine that cannot start are trouble too. Throws Interrupted alone: after a
-// signal, or when `give_up` becomes true. The plan's sensors are chosen.
+// signal, or when `give_up` becomes true. With `saves_part` a signal ends the log where it comes, once there is
+// something of it (not with the laser engines rbpf and icp, which have a map at their end alone); the report says so,
+// and the signal is forgotten. The plan's sensors are chosen.
 RobotResult map_robot(const PlannedRobot&, const MappingSettings&, MappedTogether = {});
 
 }  // namespace mapweave::runtime

@@ -48,10 +48,9 @@ struct StartPose {
     v.number("yaw_rad", yaw_rad, -7.0, 7.0,
              "heading in radians with which the robot began, counter-clockwise from the x axis of a frame that all "
              "robots share");
-    v.non_negative(
-        "sigma_m", sigma_m,
-        "standard deviation in metres of the position where the robot began; larger values let walls decide; 0.5 where "
-        "the rest of a start is said without it, 0: its start is not known");
+    v.non_negative("sigma_m", sigma_m,
+                   "standard deviation in metres of the position where the robot began; larger values let walls "
+                   "decide; 0: its start is not known, or 0.5 if other numbers of the start are given");
     v.positive(
         "sigma_rad", sigma_rad,
         "standard deviation in radians of the heading with which the robot began; larger values let walls decide");
@@ -65,6 +64,7 @@ struct RobotEntry {
   double from_s = 0.0;
   std::vector<RoutePoint> route = {};
   StartPose start = {};
+  std::vector<std::string> edges = {};
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
@@ -73,8 +73,13 @@ struct RobotEntry {
            "edge that maps the robot, or with a coordinator the one that maps it at first; empty: as the coordinator "
            "decides, else the "
            "edges in turn");
+    v.texts("edges", edges,
+            "edges that map the robot's data together (partial offloading): its log is cut into parts of equal "
+            "duration, one for each edge in this order, which are merged again like maps of robots; for lasers, "
+            "without a coordinator; empty: `edge` maps everything");
     v.non_negative("from_s", from_s,
-                   "time in seconds after the team's start at which the robot joins (with a coordinator)");
+                   "time in seconds after the team's start at which the robot joins (with a coordinator); larger "
+                   "values let it join later");
     v.list("route", route,
            "points of the route that the robot is going to drive; lets the coordinator estimate overlaps before there "
            "is a map");
@@ -104,13 +109,27 @@ struct EdgeEntry {
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the edge's name");
-    v.positive("speed", speed, "speed of this edge's processor relative to processors.edge; larger is faster");
-    v.integer("capacity", capacity, 0, 1000000, "most robots that the edge maps; 0: any number");
+    v.positive("speed", speed, "speed of this edge's processor relative to processors.edge; larger values are faster");
+    v.integer("capacity", capacity, 0, 1000000,
+              "most robots that the edge maps; larger values let the coordinator put more robots there; 0: any number");
     v.non_negative("from_s", from_s,
-                   "time in seconds after the team's start from which the edge is available (with a coordinator)");
+                   "time in seconds after the team's start from which the edge is available (with a coordinator); "
+                   "larger values make it available later");
     v.non_negative("until_s", until_s,
-                   "time in seconds after the team's start at which the edge fails, with all maps on it; 0: it stays "
-                   "(with a coordinator)");
+                   "time in seconds after the team's start at which the edge fails, with all maps on it; larger values "
+                   "let it fail later; 0: it stays (with a coordinator)");
+  }
+};
+
+// What merged maps look like from outside.
+struct TeamMapOptions {
+  std::string frame;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("frame", frame,
+           "frame of the merged map (run, merge): the name of a map or robot, whose frame is kept; walls: axes along "
+           "the walls; x,y,yaw in metres and radians: where the first map's frame lies in it; empty: the frame of the "
+           "first robot listed, of the first map given. Each team without that map keeps the frame of its own first");
   }
 };
 
@@ -142,9 +161,8 @@ struct CoordinatorEntry {
         "model", model,
         "file with a latency model, as mapweave profile writes it, relative to this file; empty: the built-in model");
     v.positive("overlap_period_s", overlap_period_s,
-               "recorded time in seconds between two estimates of what the robots' maps share; shorter periods let the "
-               "coordinator react "
-               "sooner");
+               "recorded time in seconds between two estimates of the robots' overlaps; larger values let the "
+               "coordinator react later and send fewer summaries");
     v.fraction("hysteresis", hysteresis,
                "least saving, as a share of the expected time, for which the coordinator moves robots to other edges; "
                "larger values move "
@@ -155,7 +173,7 @@ struct CoordinatorEntry {
   }
 };
 
-// What depth cameras and stereo pairs saw between their landmarks: a second way through the logs.
+// What depth cameras and stereo pairs saw between their landmarks: a second pass over the logs.
 struct DenseOptions {
   int every_frames = 0;
   int step_px = 2;
@@ -165,12 +183,13 @@ struct DenseOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("every_frames", every_frames, 0, 1000000,
-              "use the depth of every n-th frame for dense maps; 0: of keyframes alone");
+              "use the depth of every n-th frame for dense maps; larger values are faster and leave more gaps; 0: of "
+              "keyframes alone");
     v.integer("step_px", step_px, 1, 64,
               "use every n-th pixel of a depth picture, in rows and columns; larger values are faster and coarser");
     v.positive("most_error_m", most_error_m,
-               "depths with a larger standard deviation in metres are left out; the error grows with the square of the "
-               "distance");
+               "largest standard deviation in metres of a depth that is used; it grows with the square of the "
+               "distance; larger values use depths that are farther away");
     v.section("cloud", cloud, "dense point cloud: map.ply and map.dense.pcd");
     v.section("octomap", octomap, "dense occupancy map: map.bt and map.ot");
   }
@@ -178,7 +197,7 @@ struct DenseOptions {
 
 // Beside each map.mwdb.
 struct OutputOptions {
-  bool png = true, pgm = true, pcd = true, tum = true, g2o = false, ply = false, octomap = false;
+  bool png = true, pgm = true, pcd = true, tum = true, g2o = false, ply = false, octomap = false, report = true;
   exporters::PictureOptions picture;
   exporters::PointCloudOptions cloud;
   DenseOptions dense;
@@ -187,7 +206,7 @@ struct OutputOptions {
     v.flag("png", png, "write map.png, and map.color.png with the robots' trajectories");
     v.flag("pgm", pgm, "write map.pgm and map.yaml, the occupancy grid as ROS's map_server and nav2 load it");
     v.flag("pcd", pcd, "write map.pcd, the laser's wall points as a point cloud");
-    v.flag("tum", tum, "write trajectory.tum, and trajectories/<robot>.tum of a team, in TUM format");
+    v.flag("tum", tum, "write trajectory.tum of a robot and trajectories/<robot>.tum of a team, in TUM format");
     v.flag("g2o", g2o, "write map.g2o, the pose graph");
     v.flag("ply", ply,
            "write map.ply and map.dense.pcd, the coloured surfaces seen by depth cameras and stereo pairs (slam; the "
@@ -195,6 +214,9 @@ struct OutputOptions {
     v.flag("octomap", octomap,
            "write map.bt and map.ot, OctoMaps of what depth cameras and stereo pairs saw: occupied, free and unknown "
            "space");
+    v.flag("report", report,
+           "write report.html, one page that shows the results: maps, pairs of maps, times and options (run, slam, "
+           "merge)");
     v.section("picture", picture, "size of map.color.png");
     v.section("cloud", cloud, "point cloud of walls, map.pcd");
     v.section("dense", dense, "which depths are used for the dense maps of output.ply and output.octomap");
@@ -205,6 +227,7 @@ struct RunConfiguration {
   std::uint64_t seed = 1;
   std::vector<RobotEntry> robots;
   std::vector<EdgeEntry> edges;
+  TeamMapOptions team;
   CoordinatorEntry coordinator;
   CloudEntry cloud;
   Mode mode = Mode::offload;
@@ -229,6 +252,7 @@ struct RunConfiguration {
            "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that "
            "robots name, or a "
            "single one");
+    v.section("team", team, "the map that all robots' maps are merged into");
     v.section("coordinator", coordinator,
               "assigns robots to edges, again and again as maps grow and edges and links change");
     v.section("cloud", cloud, "the tier that merges the maps of all edges");
@@ -263,18 +287,28 @@ struct RunConfiguration {
   }
 };
 
+// What one of several edges maps of a robot's log: records in [from, until).
+struct LogPart {
+  RobotId robot;
+  std::size_t number = 1, count = 1;  // 1: the first one
+  Stamp from = {};                    // by divide_logs()
+  std::optional<Stamp> until = {};    // none: to the end
+};
 struct PlannedRobot {
-  RobotId id;
+  RobotId id;  // of a part: "alpha.2", the second of robot alpha
   TierId edge;
   std::filesystem::path log;
   ChosenSensors sensors = {};         // by choose_sensors()
   std::optional<Error> trouble = {};  // why none could be chosen
+  std::optional<LogPart> part = {};
+  const RobotId& robot() const { return part ? part->robot : id; }  // as the configuration calls it
 };
 struct RunPlan {
-  std::vector<PlannedRobot> robots;  // by id; without a coordinator each has an edge
-  std::vector<TierId> edges;         // sorted; without a coordinator each has robots
-  NetworkOptions network;            // traces by their full paths
-  std::filesystem::path model;       // the coordinator's, in full; may be empty
+  std::vector<PlannedRobot>
+      robots;  // by id, a part of a log each where several edges map a robot; without a coordinator each has an edge
+  std::vector<TierId> edges;    // sorted; without a coordinator each has robots
+  NetworkOptions network;       // traces by their full paths
+  std::filesystem::path model;  // the coordinator's, in full; may be empty
 };
 
 // What the configuration says of a robot; ContractViolation where it lists none of this name.
@@ -292,11 +326,12 @@ TierId cloud_tier();
 
 // Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in
 // the file: kBadInput for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that
-// cannot hold all robots, a wire between two that are none; kMissing for a robot without a log, a log, a trace or a
-// model that is not there.
+// cannot hold all robots, a wire between two that are none, a frame of no robot, several edges of a robot where a
+// coordinator chooses or where robots map themselves; kMissing for a robot without a log, a
+// log, a trace or a model that is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
-// The configuration as it was carried out: robots by id, each with its edge and the full path of its log.
+// The configuration as it was carried out: robots as they were listed, each with its edge and the full path of its log.
 RunConfiguration effective(RunConfiguration, const RunPlan&);
 
 // What a map's folder holds beside map.mwdb. `title` stands above the picture where the options have none.

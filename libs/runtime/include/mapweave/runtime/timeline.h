@@ -1,5 +1,5 @@
 #pragma once
-// When everything would have been there, had each tier been a machine of its own and each wire what the configuration
+// When the map would have been complete, had each tier been a machine of its own and each wire what the configuration
 // says (RecSLAM IV-A, equations 1 to 3). Work is what the run measured of itself, in processor time; wires are in
 // virtual time. Never part of a sealed result.
 
@@ -15,8 +15,8 @@
 
 namespace mapweave::runtime {
 
-// Who maps and who joins (DESIGN.md, 3): offload: edges map what robots sensed, and join; onboard: robots map, edges
-// join; cloud_only: robots map, the cloud joins alone.
+// Who maps and who merges: offload: edges map what robots sensed, and merge; onboard: robots map, edges merge;
+// cloud_only: robots map, the cloud merges alone.
 enum class Mode { offload, onboard, cloud_only };
 
 // A wire between two that are named.
@@ -69,13 +69,13 @@ struct ProcessorOptions {
     };
     tier("robot_profile", "robot", robot_profile, robot,
          "processor of each robot; this-machine: as fast as the one that runs the program",
-         "speed of each robot's processor as a multiple of its profile's; larger is faster");
+         "speed of each robot's processor as a multiple of its profile's; larger values are faster");
     tier("edge_profile", "edge", edge_profile, edge,
          "processor of each edge; this-machine: as fast as the one that runs the program",
-         "speed of the edges' processors as a multiple of their profile's; larger is faster");
+         "speed of the edges' processors as a multiple of their profile's; larger values are faster");
     tier("cloud_profile", "cloud", cloud_profile, cloud,
          "processor of the cloud; this-machine: as fast as the one that runs the program",
-         "speed of the cloud's processor as a multiple of its profile's; larger is faster");
+         "speed of the cloud's processor as a multiple of its profile's; larger values are faster");
   }
 };
 
@@ -122,7 +122,7 @@ struct PushWork {
   RobotId robot;
   std::uint64_t bytes = 0;  // of the team's map
 };
-// What two robots' maps share (DESIGN.md, 3): once they lie on each other; where there was a coordinator, as it thought
+// Overlap degree of two robots' maps, once they lie on each other; where there was a coordinator, as it thought
 // at its last decision, for with such guesses it predicts.
 struct OverlapOfRobots {
   RobotId a, b;

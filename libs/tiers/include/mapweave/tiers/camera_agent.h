@@ -20,13 +20,13 @@ struct UplinkOptions {
   int least_features = 60;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.non_negative("most_bytes_per_s", most_bytes_per_s,
-                   "largest mean rate in bytes per second at which a camera client sends; 0: unlimited. A lower rate "
-                   "first thins the "
-                   "features of keyframes, then delays keyframes; poses are sent in any case");
-    v.integer(
-        "least_features", least_features, 1, 100000,
-        "least number of features that a keyframe is sent with, however low the rate limit (uplink.most_bytes_per_s)");
+    v.non_negative(
+        "most_bytes_per_s", most_bytes_per_s,
+        "largest mean rate in bytes per second at which a camera client sends; smaller values first thin the features "
+        "of keyframes, then delay keyframes; larger values send more; poses are sent in any case; 0: unlimited");
+    v.integer("least_features", least_features, 1, 100000,
+              "least number of features that a keyframe is sent with, however low the rate limit "
+              "(uplink.most_bytes_per_s); larger values describe keyframes better and delay them more");
   }
 };
 

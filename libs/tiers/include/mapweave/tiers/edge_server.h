@@ -18,6 +18,12 @@ namespace mapweave::tiers {
 // A map with all it holds as its tier's first update, encoded.
 std::string first_update(const Map&, const TierId& from);
 
+// What a robot that maps on board sends when its recording has ended: its maps, each as a first update, encoded.
+struct RobotUpdates {
+  RobotId robot;
+  std::vector<std::string> updates;
+};
+
 class EdgeServer {
  public:
   // `robots`: those that will ship to this edge.
@@ -35,6 +41,8 @@ class EdgeServer {
   // A robot's stream has ended. Throws Error(kBadInput) for a robot that is not this edge's, or that has ended already.
   // The edge's result does not depend on the order in which robots end.
   Effects step(RobotOutcome, WorkerPool&, Progress&);
+  // The same of a robot that maps on board. Throws what decoding an update throws, too.
+  Effects step(const RobotUpdates&, WorkerPool&, Progress&);
 
   // After it has fused: what the cloud asks for. Throws what decoding an update throws, and Error(kBadInput) for a pair
   // of which it holds no map.

@@ -2,7 +2,7 @@
 // The edge's map server for cameras (CORB-SLAM 2.2, 2.3; CVS III): keeps what its clients publish, merges it by fuse(),
 // and sends each client what others know of where it is. Clients write their own maps and no others (CORB-SLAM 2.3):
 // what is believed of all lies beside them, so that nobody waits while it is computed. Clients whose robot is the same
-// are cameras of one robot (CVS III-D): their maps are tied first (rig/robot_rigs.h), and where one of them is the
+// are cameras of one robot (CVS III-D): their maps are merged first (rig/robot_rigs.h), and where one of them is the
 // others are. A state machine: no thread, no clock, no file.
 
 #include <mapweave/core/background_work.h>
@@ -43,44 +43,45 @@ struct ServerOptions {
   matching::DescriptionOptions description;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.choice("share", share, {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}},
-             "what the camera map server sends to its clients; none: nothing; view: landmarks of other robots that "
-             "they may see, and "
-             "relocalisation when lost; full: also corrections of their keyframes from the merged map");
+    v.choice(
+        "share", share, {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}},
+        "what the camera map server of an edge sends to its clients; none: nothing; view: landmarks of other robots "
+        "of the edge that they may see, and "
+        "relocalisation when lost; full: also corrections of their keyframes from the merged map");
     v.positive("share_rate_hz", share_rate_hz,
-               "how often per second of recorded time a client and the server exchange updates; larger values react "
-               "faster and send more");
+               "updates per second of recorded time that a client and the server exchange; larger values react faster "
+               "and send more");
     v.integer("fuse_after", fuse_after, 1, 100000,
               "mean number of new keyframes per active client after which the server merges all maps again; larger "
               "values merge less "
               "often");
     v.non_negative("fuse_share", fuse_share,
-                   "the server merges all maps again only once the new keyframes are at least this share of those "
-                   "already merged, so "
-                   "that large maps are merged less often");
+                   "least share of new keyframes, relative to those already merged, at which the server merges all "
+                   "maps again; larger values merge large maps less often");
     v.non_negative("fuse_idle_s", fuse_idle_s,
-                   "time in seconds without a new keyframe after which the server merges what is new, however little");
+                   "time in seconds without a new keyframe after which the server merges what is new, however little; "
+                   "larger values wait longer");
     v.number("fuse_delay_s", fuse_delay_s, 0.0, 600.0,
              "recorded time in seconds from the start of a merge until its result is used; fixed, so that results do "
-             "not depend on "
-             "computing time");
+             "not depend on computing time; larger values use it later and leave more time to compute");
     v.flag("wait", wait,
            "use the result of a merge exactly fuse_delay_s after its start, waiting for the computation if needed; "
            "off: as soon as it is "
            "computed, as live servers do, which is not repeatable");
     v.integer("judged_pairs", judged_pairs, 1, 1000000,
-              "most keyframe pairs that one full merge compares for each map, spread evenly over the other maps; at "
-              "least 12 for each "
-              "other map, at most fusion.visual.most_pairs");
-    v.positive("far_m", far_m, "landmarks farther than this distance in metres from a camera are not shared with it");
+              "most keyframe pairs that one full merge compares for each map, spread evenly over the other maps; "
+              "larger values find more common places and take longer; at least 12 for each other map, at most "
+              "fusion.visual.most_pairs");
+    v.positive("far_m", far_m,
+               "landmarks farther than this distance in metres from a camera are not shared with it; larger values "
+               "share more landmarks");
     v.positive("correct_m", correct_m,
                "a client receives corrections of its keyframes once they differ from the merged map by more than this "
-               "distance in metres "
-               "(root mean square)");
+               "distance in metres (root mean square); larger values correct less often");
     v.non_negative("most_bytes_per_s", most_bytes_per_s,
-                   "largest mean rate in bytes per second at which the server sends to one client; 0: unlimited. A "
-                   "lower rate first "
-                   "shares fewer landmarks, then delays corrections; relocalisation is always answered");
+                   "largest mean rate in bytes per second at which the server sends to one client; smaller values "
+                   "first share fewer landmarks, then delay corrections; larger values share more; relocalisation is "
+                   "always answered; 0: unlimited");
     v.section("index", index, "lookup of shared landmarks by place");
     v.section("retrieval", retrieval, "which landmarks of other robots a camera may see from where it is");
     v.section("description", description, "descriptors and position errors of shared landmarks");
@@ -120,7 +121,7 @@ class VisualServer {
   Received receive(const SessionId& from, std::string_view bytes);
   // Of bytes that were decoded elsewhere.
   Received receive(const SessionId& from, MapUpdate update, std::string_view bytes);
-  // After what came at one moment: begins to join the maps where enough is new, and takes over what was begun long
+  // After what came at one moment: begins to merge the maps where enough is new, and takes over what was begun long
   // enough ago. The pool outlives the server.
   void advance(Stamp now, WorkerPool& pool, bool may_begin = true);
   // The merge under way, to be run on any thread while the server goes on; null: none. advance() does it itself where
@@ -145,7 +146,7 @@ class VisualServer {
   std::optional<PlaceAnswer> answer(const SessionId& from, const PlaceSearch& search) const;
 
   // By the views of its cameras' newest runs, whatever is shared; one with a single camera too. Which cameras are
-  // believed, and how one hands over to the others: fusion/robot_pose.h. One is silent once two views in a row did not
+  // believed, and how one hands over to the others: rig/robot_pose.h. One is silent once two views in a row did not
   // come (share_rate_hz). Where their maps are not merged to one, those speak that are the most, else those that spoke
   // last. Views are stamped by one clock. nullopt: no camera said where it is, or no map that it is in is among those
   // that were merged last.
@@ -163,10 +164,10 @@ class VisualServer {
   // Every client's own map, as published; ids are those of the clients', unless one was there before (of another run):
   // "alpha.front-2".
   std::vector<Map> maps() const;
-  // Of the last merge, for people: why cameras of one robot are not tied.
+  // Of the last merge, for people: why cameras of one robot are not merged.
   std::vector<std::string> notes() const;
-  // As merged last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member
-  // that began first.
+  // As merged last; empty before. Members are clients' own maps, of a merged rig or not; verdicts name a rig by the
+  // member that began first.
   const fusion::FusionResult& merged() const;
   // All merged now. Neither the order in which updates came nor threads change a byte.
   fusion::FusionResult seal(WorkerPool& pool, Progress& progress);

@@ -28,13 +28,18 @@ struct LinkModelOptions {
          {"4g", LinkProfile::lte},
          {"5g", LinkProfile::nr}},
         "kind of network link, with a typical bandwidth, delay, jitter and loss; none: everything arrives at once");
-    v.non_negative("bytes_per_s", bytes_per_s, "bandwidth of the link in bytes per second; 0: as the profile says");
-    v.non_negative("delay_s", delay_s, "one-way delay of a packet in seconds; 0: as the profile says");
+    v.non_negative(
+        "bytes_per_s", bytes_per_s,
+        "bandwidth of the link in bytes per second; larger values let messages arrive sooner; 0: as the profile says");
+    v.non_negative(
+        "delay_s", delay_s,
+        "one-way delay of a packet in seconds; larger values let messages arrive later; 0: as the profile says");
     v.non_negative("jitter_s", jitter_s,
-                   "standard deviation in seconds of the random part that is added to each packet's delay; 0: as the "
-                   "profile says");
+                   "standard deviation in seconds of the random part that is added to each packet's delay; larger "
+                   "values let messages arrive less regularly; 0: as the profile says");
     v.number("loss", loss, 0.0, 0.9,
-             "share of packets that are lost and sent again a round trip later; 0: as the profile says");
+             "share of packets that are lost and sent again a round trip later; larger values let messages arrive "
+             "later; 0: as the profile says");
     v.text("trace", trace,
            "file with lines `seconds,bytes_per_s[,delay_s[,jitter_s[,loss]]]` that gives the link's state over time, "
            "repeated after its "

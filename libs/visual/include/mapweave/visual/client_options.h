@@ -30,21 +30,21 @@ struct TrackingOptions {
                "landmarks with "
                "fewer mistakes");
     v.integer("cell_px", cell_px, 8, 200,
-              "side in pixels of the cells of the picture that hold one landmark each; smaller values track more "
-              "landmarks and take "
-              "longer");
+              "side in pixels of the cells of the picture that hold one landmark each; larger values track fewer "
+              "landmarks and are faster");
     v.integer("near_keyframes", near_keyframes, 1, 1000,
               "number of covisible keyframes whose landmarks are projected into each frame; larger values track more "
               "landmarks and take "
               "longer");
     v.integer("least_landmarks", least_landmarks, 8, 1000,
               "number of tracked landmarks below which the camera counts as lost; half of it suffices while it is "
-              "followed from frame to "
-              "frame");
+              "followed from frame to frame; larger values lose it sooner and err less");
     v.positive("gate_sigmas", gate_sigmas,
-               "a sighting farther from its prediction than this many standard deviations is rejected as an outlier");
+               "a sighting farther from its prediction than this many standard deviations is rejected as an outlier; "
+               "larger values keep more sightings, also wrong ones");
     v.integer("features", features, 50, 10000,
-              "number of ORB features extracted from each keyframe, by which its place is recognised later");
+              "number of ORB features extracted from each keyframe, by which its place is recognised later; larger "
+              "values recognise more places and need more memory");
   }
 };
 
@@ -59,10 +59,11 @@ struct KeyframeOptions {
                "larger values make "
                "more keyframes");
     v.positive("turn_rad", turn_rad,
-               "a new keyframe is made after the camera turned by this angle in radians since the last one");
+               "a new keyframe is made after the camera turned by this angle in radians since the last one; larger "
+               "values make fewer keyframes");
     v.positive("parallax", parallax,
                "a new keyframe is made after the camera moved by this share of the landmarks' median distance since "
-               "the last one");
+               "the last one; larger values make fewer keyframes");
   }
 };
 
@@ -75,9 +76,13 @@ struct DepthOptions {
   void describe(Visitor& v) {
     v.positive("inverse_depth_sigma", inverse_depth_sigma,
                "standard deviation of a depth camera's inverse depth in 1/m; constant, because the error of a depth "
-               "grows with its square");
-    v.positive("max_depth_m", max_depth_m, "readings of a depth camera beyond this distance in metres are ignored");
-    v.positive("min_depth_m", min_depth_m, "readings of a depth camera below this distance in metres are ignored");
+               "grows with its square; larger values trust depths less");
+    v.positive("max_depth_m", max_depth_m,
+               "readings of a depth camera beyond this distance in metres are ignored; larger values use more "
+               "readings, which are less accurate far away");
+    v.positive(
+        "min_depth_m", min_depth_m,
+        "readings of a depth camera below this distance in metres are ignored; larger values ignore more readings");
     v.fraction("max_disparity", max_disparity,
                "largest disparity of a stereo pair that is searched, as a share of the picture's width; larger values "
                "see nearer things "
@@ -97,9 +102,9 @@ struct WindowOptions {
               "number of keyframes that local bundle adjustment moves; larger values are more accurate and slower");
     v.integer("fixed_keyframes", fixed_keyframes, 0, 100,
               "number of keyframes around the window that local bundle adjustment holds fixed, so that the window does "
-              "not drift against "
-              "them");
-    v.integer("steps", steps, 1, 100, "most solver steps of each local bundle adjustment");
+              "not drift against them; larger values are slower and drift less");
+    v.integer("steps", steps, 1, 100,
+              "most solver steps of each local bundle adjustment; larger values are more accurate and slower");
     v.flag("learn_readout", learn_readout,
            "estimate how long the camera takes to read a picture from its first row to its last (rolling shutter) and "
            "correct for it");
@@ -119,20 +124,20 @@ struct MemoryOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("keyframes", keyframes, 20, 100000,
-              "most keyframes in a robot's map; beyond it, those are removed whose landmarks other keyframes see too");
+              "most keyframes in a robot's map; beyond it, those are removed whose landmarks other keyframes see too; "
+              "larger values keep more detail and need more memory");
     v.fraction("redundant_share", redundant_share,
-               "a keyframe is removed where this share of its landmarks is seen by enough other keyframes; smaller "
-               "values keep fewer "
-               "keyframes");
+               "a keyframe is removed where this share of its landmarks is seen by enough other keyframes; larger "
+               "values keep more keyframes");
     v.integer("redundant_views", redundant_views, 1, 100,
               "number of other keyframes that must see a landmark as finely as a keyframe does for the landmark to "
-              "count as redundant "
-              "there");
-    v.fraction(
-        "found_share", found_share,
-        "a landmark is removed when it is found in fewer than this share of the frames in which it was searched for");
+              "count as redundant there; larger values keep more keyframes");
+    v.fraction("found_share", found_share,
+               "a landmark is removed when it is found in fewer than this share of the frames in which it was searched "
+               "for; larger values remove more landmarks");
     v.integer("frames", frames, 1000, 100000000,
-              "most frames of the trajectory that are kept, at 40 bytes each; beyond it every second one is dropped");
+              "most frames of the trajectory that are kept, at 40 bytes each; beyond it every second one is dropped; "
+              "larger values keep denser trajectories of long runs");
   }
 };
 
@@ -148,19 +153,22 @@ struct VisualLoopOptions {
   void describe(Visitor& v) {
     v.flag("enabled", enabled,
            "search for loop closures of a camera's map; off: drift stays, and sessions are not joined");
-    v.integer("witnesses", witnesses, 1, 20,
-              "number of keyframes that must agree on a loop closure for it to be believed");
+    v.integer(
+        "witnesses", witnesses, 1, 20,
+        "number of keyframes that must agree on a loop closure for it to be believed; larger values close fewer loops");
     v.fraction("least_probability", least_probability,
-               "least probability that two keyframes show one place to count for a loop closure");
+               "least probability that two keyframes show one place to count for a loop closure; larger values close "
+               "fewer loops");
     v.positive("drift", drift,
                "drift that a loop closure may correct, in metres per metre of path since the place was seen; larger "
                "values accept loops "
                "after worse drift");
-    v.positive("drift_m", drift_m, "drift in metres that a loop closure may correct whatever the length of the path");
+    v.positive("drift_m", drift_m,
+               "drift in metres that a loop closure may correct whatever the length of the path; larger values accept "
+               "loops after worse drift");
     v.number("delay_s", delay_s, 0.0, 60.0,
              "recorded time in seconds from detecting a loop closure until its correction is applied; fixed, so that "
-             "results do not "
-             "depend on computing time");
+             "results do not depend on computing time; larger values correct later and leave more time to compute");
     v.flag("wait", wait,
            "apply a loop correction exactly delay_s after its detection, waiting for the computation if needed; off: "
            "as soon as it is "
@@ -177,26 +185,22 @@ struct SessionOptions {
   bool await_place = false;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive(
-        "patience_s", patience_s,
-        "time in seconds for which a lost camera that sees something tries to relocalise before it begins a new map");
-    v.integer(
-        "least_corners", least_corners, 8, 10000,
-        "number of corners below which a picture counts as showing nothing, as in a cupboard or with a covered lens");
+    v.positive("patience_s", patience_s,
+               "time in seconds for which a lost camera that sees something tries to relocalise before it begins a new "
+               "map; larger values begin fewer maps");
+    v.integer("least_corners", least_corners, 8, 10000,
+              "number of corners below which a picture counts as showing nothing, as in a cupboard or with a covered "
+              "lens; larger values make more pictures count as empty");
     v.positive("carried_m_per_s", carried_m_per_s,
-               "speed in m/s at which a lost camera without odometry may have been moved; relocalisation farther away "
-               "is refused as a "
-               "look-alike");
+               "largest speed in m/s at which a lost camera without odometry may have been moved; relocalisation "
+               "farther away is refused as a look-alike; larger values relocalise more often, also wrongly");
     v.fraction("odometry_drift", odometry_drift,
                "error of odometry as a share of motion and of turns while the camera is lost; relocalisation outside "
-               "what it allows is "
-               "refused as a look-alike");
+               "what it allows is refused as a look-alike; larger values relocalise more often, also wrongly");
     v.number("alike_m", alike_m, 0.0, 1000.0,
-             "least distance in metres between two places that look the same, for cameras without odometry: a lost "
-             "camera is relocalised "
-             "only where nearer look-alikes are impossible, and sessions are joined only where places twice as far "
-             "apart agree; 0: every "
-             "place is unique");
+             "distance in metres below which two different places are assumed not to look alike, for cameras without "
+             "odometry; larger values relocalise lost cameras more readily, but connect sessions only where places "
+             "twice as far apart agree; 0: no two places look alike");
     v.flag("await_place", await_place,
            "a monocular camera begins no map of its own, but waits until the server sends it its pose, and thereby its "
            "scale");

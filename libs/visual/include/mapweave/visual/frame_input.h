@@ -37,7 +37,8 @@ struct CameraRig {
   Pinhole camera;           // of the rectified pictures
   double baseline_m = 0.0;  // to the right camera; 0 without one
   bool has_depth = false;
-  Pose3 robot_from_camera;  // the rectified left camera on the robot; identity where the log does not say
+  Pose3 robot_from_camera;   // the rectified left camera on the robot; identity where the log does not say
+  Pose3 robot_from_optical;  // its optical frame as it is mounted, which the rectified one is turned against
 };
 
 class MotionPrior;

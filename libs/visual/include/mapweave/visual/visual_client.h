@@ -36,7 +36,7 @@ struct PlacedFrame {
 };
 
 struct ClosedLoop {
-  Stamp found, applied;  // the frame that found it, the frame from which on the map was straight
+  Stamp found, applied;  // the frame that found it, the first frame with the corrected map
 };
 
 struct MappedLandmark {

@@ -1,4 +1,4 @@
-#include "loop_closer.h"
+#include "loop_detector.h"
 
 #include "map_correction.h"
 
@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
 constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
-constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can tie sessions
+constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can connect sessions
 // Most alike of all; places of them that are judged: bounds time.
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCovisible = 4;  // keyframes that speak with the one that looks alike
@@ -71,7 +71,7 @@ NodeId id_of(int keyframe) {
   return id;
 }
 
-// Along ties, metres from one keyframe to another; infinite where nothing leads there.
+// Along covisibility edges, metres from one keyframe to another; infinite where nothing leads there.
 double path_between(const LandmarkMap& map, int from, int to) {
   std::vector<std::vector<int>> neighbours(map.keyframes.size());
   for (const CovisibilityEdge& edge : covisibility_edges(map, map.keyframe(from).session, kLeastShared)) {
@@ -141,23 +141,23 @@ View correction_of(const LandmarkMap& map, const FoundLoop& loop) {
   return loop.view.inverse() * map.keyframe(loop.newest).view;
 }
 
-VisualLoopCloser::VisualLoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
+VisualLoopDetector::VisualLoopDetector(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
     : vocabulary_(vocabulary), options_(options), index_(vocabulary.words()) {}
 
-void VisualLoopCloser::add(const LandmarkMap& map, int keyframe) {
+void VisualLoopDetector::add(const LandmarkMap& map, int keyframe) {
   index_.add(id_of(keyframe), vocabulary_.describe_picture(map.keyframe(keyframe).features.descriptors).bag);
 }
-void VisualLoopCloser::remove(int keyframe) { index_.remove(id_of(keyframe)); }
+void VisualLoopDetector::remove(int keyframe) { index_.remove(id_of(keyframe)); }
 
-std::vector<int> VisualLoopCloser::alike(const matching::OrbFeatures& features, std::size_t most) const {
+std::vector<int> VisualLoopDetector::alike(const matching::OrbFeatures& features, std::size_t most) const {
   std::vector<int> result;
   for (const matching::SimilarPlace& place : index_.query(vocabulary_.describe_picture(features.descriptors).bag, most))
     result.push_back(static_cast<int>(place.id.index));
   return result;
 }
 
-std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, int newest, const Pyramid& picture,
-                                                const Motion& motion) {
+std::optional<FoundLoop> VisualLoopDetector::look(LandmarkMap& map, int newest, const Pyramid& picture,
+                                                  const Motion& motion) {
   if (!options_.loops.enabled) return std::nullopt;
   const Keyframe& keyframe = map.keyframe(newest);
   const std::uint32_t now = keyframe.serial;
@@ -210,7 +210,7 @@ std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, int newest, co
   return std::nullopt;
 }
 
-VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, std::uint32_t serial) const {
+VisualLoopDetector::Witnesses VisualLoopDetector::witnesses_of(const Claim& claim, std::uint32_t serial) const {
   Witnesses result;
   std::vector<double> rivals_m;
   std::optional<std::uint32_t> last;  // a keyframe speaks once
@@ -235,8 +235,8 @@ VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, s
   return result;
 }
 
-std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
-                                                   const Motion& motion) {
+std::optional<FoundLoop> VisualLoopDetector::compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
+                                                     const Motion& motion) {
   std::vector<int> among = with_covisible(map, earlier, kCovisible), here = with_covisible(map, newest, 2);
   const Place a(map, among), b(map, here);
   matching::VisualJudgeOptions judge;
@@ -250,8 +250,9 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, int newest,
   const Sim3 earlier_from_newest = in_order ? first_from_second : inverse(first_from_second);
   const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
   FoundLoop loop;
-  loop.newest = newest, loop.earlier = earlier;
-  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)),
+  loop.newest = newest;
+  loop.earlier = earlier;
+  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose));
   loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder_.find(map, among, picture, loop.view, motion, options_.tracking);
   const auto is_weak = [&](const Match& match) {
@@ -267,11 +268,14 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, int newest,
   loop.view = pose.view;
   loop.serial = map.keyframe(newest).serial;
   for (std::size_t i = 0; i < found.size(); ++i)
-    if (pose.fits[i]) loop.matches.push_back(found[i]), loop.serials.push_back(map.landmark(found[i].landmark).serial);
+    if (pose.fits[i]) {
+      loop.matches.push_back(found[i]);
+      loop.serials.push_back(map.landmark(found[i].landmark).serial);
+    }
   return loop;
 }
 
-Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
+Departure VisualLoopDetector::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
   // Radians, and logarithm of scale, that a loop may correct.
   constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;

@@ -26,9 +26,9 @@ struct FoundLoop {
 // earlier's map from newest's map, where the two differ.
 View correction_of(const LandmarkMap& map, const FoundLoop& loop);
 
-class VisualLoopCloser {
+class VisualLoopDetector {
  public:
-  VisualLoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options);
+  VisualLoopDetector(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options);
   void add(const LandmarkMap& map, int keyframe);
   void remove(int keyframe);
   // Keyframes that look most like these features.

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "encoding.h"
+#include "page_files.h"
+
+#include <string>
+
+namespace mapweave::report {
+
+// The whole page. Its policy allows its own style and script by their hashes, and pictures within the file; nothing
+// else.
+std::string page_text(PageKind, const std::string& title, const Json& data);
+
+}  // namespace mapweave::report

@@ -1,0 +1,49 @@
+#pragma once
+// Which frame merged maps have (team.frame, merge --frame), and which they got.
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/geometry.h>
+#include <mapweave/core/ids.h>
+#include <mapweave/maps/map_identity.h>
+
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct FrameRequest {
+  enum class Kind {
+    first,  // that of the first map given
+    named,  // that of the map `name`
+    walls,  // the first map's, turned so that its axes run along the walls
+    given   // the first map's, moved
+  };
+  Kind kind = Kind::first;
+  std::string name = {};
+  Pose2 team_from_first = Pose2(0.0, 0.0, 0.0);  // given: where the first map's frame lies in the team's
+};
+
+// Where a request stands, and what it is when it is wrong.
+struct FramePlace {
+  ErrorCode code = ErrorCode::kUsage;
+  std::string where;
+};
+
+// "" (first), "walls", "x,y,yaw" in metres and radians, or one of the names: a map that is called walls is that map.
+// Throws Error(place.code) for anything else.
+FrameRequest parse_frame(const std::string& text, const std::vector<std::string>& names, const FramePlace& place);
+
+// The frame that one team's map has.
+struct TeamFrame {
+  std::string of;  // the given map whose frame it is, or from whose frame it was moved
+  FrameRequest::Kind kind = FrameRequest::Kind::first;
+  bool has_no_walls = false;                     // asked for: walls; but none stood out
+  Pose2 team_from_given = Pose2(0.0, 0.0, 0.0);  // where that map's frame lies in the team's
+  double moved_m = 0.0, most_moved_m = 0.0;      // of that map's places, by how much it changed: root mean square, most
+  MapId by;                                      // the robot's own map whose first place is kept
+  MapIdentity continued = {};                    // of the given map, where the team's map is its next version
+};
+// "the frame is that of yesterday", "... of alpha, turned by -12.40 degrees: axes along the walls".
+std::string in_words(const TeamFrame&);
+
+}  // namespace mapweave::runtime
