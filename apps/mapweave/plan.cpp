@@ -30,10 +30,16 @@ namespace scheduling = ::mapweave::scheduling;
 
 struct PlanArguments {
   std::filesystem::path problem, model, page;
-  std::string method = "default";
+  std::string method = "default", search = "printed";
   scheduling::PlanOptions options;
-  bool json = false;
+  bool json = false, compare = false;
 };
+
+// Of a name that the command line checked.
+template <class Choice>
+Choice choice_of(const std::vector<std::string>& names, const std::string& name) {
+  return static_cast<Choice>(std::find(names.begin(), names.end(), name) - names.begin());
+}
 
 Json json_of(const scheduling::Problem& problem, const scheduling::Plan& plan, const std::string& method) {
   Json groups = Json::array(), placement = Json::object();
@@ -80,15 +86,65 @@ void print(const Json& plan) {
               plan["algorithm_seconds"].get<double>());
 }
 
+// What every method makes of the problem; of recslam each search (RecSLAM fig. 16).
+Json compared(const scheduling::Problem& problem, scheduling::PlanOptions options) {
+  Json rows = Json::array();
+  const auto add = [&](const std::string& label) {
+    try {
+      const scheduling::Plan plan = scheduling::make_plan(problem, options);
+      rows.push_back({{"method", label},
+                      {"cut_weight", plan.cut_weight},
+                      {"predicted_seconds", plan.predicted_seconds},
+                      {"algorithm_seconds", plan.algorithm_seconds}});
+    } catch (const Error& error) {
+      rows.push_back({{"method", label}, {"not_possible", error.problem()}});
+    }
+  };
+  const auto& methods = scheduling::plan_method_names();
+  for (const std::string& method : methods) {
+    options.method = choice_of<scheduling::PlanMethod>(methods, method);
+    if (options.method != scheduling::PlanMethod::recslam) {
+      add(method);
+      continue;
+    }
+    const auto& searches = scheduling::recslam_search_names();
+    for (const std::string& search : searches) {
+      options.recslam.search = choice_of<scheduling::RecslamSearch>(searches, search);
+      add(method + ", search " + search);
+    }
+  }
+  return rows;
+}
+
+void print_compared(const Json& rows) {
+  std::printf("%-24s %10s %12s %12s\n", "method", "cut", "predicted s", "decided in s");
+  for (const Json& row : rows) {
+    const char* method = row["method"].get_ref<const std::string&>().c_str();
+    if (const auto why = row.find("not_possible"); why != row.end())
+      std::printf("%-24s not possible: %s\n", method, why->get_ref<const std::string&>().c_str());
+    else
+      std::printf("%-24s %10.4g %12.3g %12.2g\n", method, row["cut_weight"].get<double>(),
+                  row["predicted_seconds"].get<double>(), row["algorithm_seconds"].get<double>());
+  }
+}
+
 ExitCode plan(PlanArguments arguments) {
-  const auto& names = scheduling::plan_method_names();
-  const auto found = std::find(names.begin(), names.end(), arguments.method);  // checked by the command line
-  arguments.options.method = static_cast<scheduling::PlanMethod>(found - names.begin());
+  arguments.options.method = choice_of<scheduling::PlanMethod>(scheduling::plan_method_names(), arguments.method);
+  arguments.options.recslam.search =
+      choice_of<scheduling::RecslamSearch>(scheduling::recslam_search_names(), arguments.search);
   if (!arguments.model.empty()) arguments.options.model = scheduling::read_model(arguments.model);
   std::error_code ignored;
   const scheduling::Problem problem = std::filesystem::is_directory(arguments.problem, ignored)
                                           ? runtime::problem_of_run(arguments.problem)
                                           : scheduling::read_problem(arguments.problem);
+  if (arguments.compare) {
+    const Json rows = compared(problem, arguments.options);
+    if (arguments.json)
+      std::cout << runtime::json_text({{"compared", rows}}) << '\n';
+    else
+      print_compared(rows);
+    return ExitCode::done;
+  }
   const scheduling::Plan plan = scheduling::make_plan(problem, arguments.options);
   if (!arguments.page.empty())
     write_output({arguments.page, {arguments.problem, arguments.model}, ".html"},
@@ -183,12 +239,27 @@ Action set_up_plan(CLI::App& verb) {
       ->type_name("PROBLEM.json|RUN_DIR");
   verb.add_option(
           "--method", arguments->method,
-          "default, recslam (the paper's algorithms as printed), greedy, random, metis, or exact (16 robots at most)")
+          "default, recslam (the paper's algorithms), greedy, random, metis, or exact (16 robots at most)")
       ->check(one_of(scheduling::plan_method_names()))
       ->capture_default_str();
   verb.add_option("--seed", arguments->options.seed, "seed of random numbers")
       ->check(whole_number(0, 4294967295))
       ->capture_default_str();
+  verb.add_option("--recslam-search", arguments->search,
+                  "how method recslam improves its first groups: none, printed (Algorithm 2 as its listing is printed, "
+                  "whose tabu list is never read), or tabu (as its text means it)")
+      ->check(one_of(scheduling::recslam_search_names()))
+      ->capture_default_str();
+  verb.add_option("--kappa", arguments->options.recslam.iterations,
+                  "iterations of Algorithm 2; larger values search longer")
+      ->check(whole_number(0, 1000000))
+      ->capture_default_str();
+  verb.add_option("--tau", arguments->options.recslam.tabu_length,
+                  "swaps that its tabu list holds; larger values forbid the last swaps for longer")
+      ->check(whole_number(0, 1000000))
+      ->capture_default_str();
+  const auto* compare =
+      verb.add_flag("--compare", arguments->compare, "print a table of what every method makes of the problem");
   verb.add_option("--model", arguments->model, "latency model as `mapweave profile --out` writes it")
       ->type_name("FILE");
   verb.add_option("--edges-per-robot", arguments->options.edges_per_robot,
@@ -196,7 +267,8 @@ Action set_up_plan(CLI::App& verb) {
       ->check(whole_number(1, 1000))
       ->capture_default_str();
   verb.add_option("--report", arguments->page, "write a page for a browser that shows the plan")
-      ->type_name("FILE.html");
+      ->type_name("FILE.html")
+      ->excludes(compare);
   verb.add_flag("--json", arguments->json, "print JSON");
   verb.footer(verb.get_footer() + kProblemForm);
   return [arguments] { return plan(*arguments); };

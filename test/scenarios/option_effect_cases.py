@@ -463,5 +463,8 @@ WITHOUT_EFFECT = {
 # Options whose effect takes more than a test may: time, or memory.
 TOO_LARGE = {
     "visual.memory.frames": "its least value, 1000 frames, is more than these runs have; test/visual/feature_client_test.cpp bounds it at 60",
+    "coordinator.recslam.search": "these runs have two robots, which no swap improves; test/scheduling/plan_test.cpp has thirty",
+    "coordinator.recslam.kappa": "as coordinator.recslam.search; test/scheduling/grouping_test.cpp",
+    "coordinator.recslam.tau": "as coordinator.recslam.search; test/scheduling/grouping_test.cpp",
     "laser.icp.memory_limit_mb": "its least value, 200 MB, holds the points of kilometres; mrpt_mapper says where it is reached",
 }

@@ -50,6 +50,25 @@ class Plan(support.Scenario):
         done = self.mapweave("plan", "logs", code=BAD_INPUT)
         self.assert_says(done, "summary.json")
 
+    def test_recslam_s_tabu_search_is_chosen_on_the_command_line(self):
+        """RecSLAM's fig. 16: with the search the cut is less than without."""
+        given = problem(40, 4)
+        cuts = {search: json.loads(self.plan(given, "--method", "recslam", "--recslam-search", search, "--json").stdout)["cut_weight"]
+                for search in ("none", "printed", "tabu")}
+        self.assertLess(cuts["printed"], cuts["none"])
+        self.assertLess(cuts["tabu"], cuts["none"])
+        none = json.loads(self.plan(given, "--method", "recslam", "--recslam-search", "tabu", "--kappa", "0", "--json").stdout)
+        self.assertEqual(none["cut_weight"], cuts["none"])
+        rows = {row["method"]: row for row in json.loads(self.plan(given, "--compare", "--json").stdout)["compared"]}
+        for search, cut in cuts.items():
+            self.assertEqual(rows[f"recslam, search {search}"]["cut_weight"], cut)
+        self.assertIn("40 robots are too many", rows["exact"]["not_possible"])
+        self.assertLessEqual(rows["default"]["cut_weight"], 1.01 * min(cuts.values()))
+        text = self.plan(given, "--compare").stdout
+        for word in ("recslam, search tabu", "not possible: 40 robots", "predicted s"):
+            self.assertIn(word, text)
+        self.assert_says(self.plan(given, "--recslam-search", "best", code=USAGE), "--recslam-search")
+
     def test_metis_groups_where_the_program_has_it(self):
         done = self.plan(problem(), "--method", "metis", "--json", code=(0, BAD_INPUT))
         if done.returncode == BAD_INPUT:

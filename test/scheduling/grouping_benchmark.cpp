@@ -65,9 +65,9 @@ void compare(std::uint32_t most_robots) {
         measured("greedy", [&] { return group_greedy(graph, sizes); });
         measured("recslam", [&] { return group_recslam(graph, groups); });
         RecslamOptions intended;
-        intended.tabu_filters = true;
+        intended.search = RecslamSearch::tabu;
         measured("recslam_tabu", [&] { return group_recslam(graph, groups, intended); });
-        intended.search = false;
+        intended.search = RecslamSearch::none;
         measured("recslam_no_search", [&] { return group_recslam(graph, groups, intended); });
         measured("random", [&] { return group_randomly(robots, sizes); });
         std::printf("}");

@@ -119,7 +119,7 @@ TEST(Grouping, by_recslam_follows_algorithm_1_by_hand) {
   // gain(4) = -0.3: 1. Then 2 candidates remain after 3 picks: gain(2) = 0.2 - 0.4, gain(3) = -0.1, gain(4) = -0.3: 3.
   const OverlapGraph graph(5, {{0, 1, 0.5}, {1, 2, 0.2}, {2, 3, 0.1}, {2, 4, 0.3}});
   RecslamOptions options;
-  options.search = false;
+  options.search = RecslamSearch::none;
   EXPECT_THAT(group_recslam(graph, 2, options), testing::ElementsAre(0, 0, 1, 0, 1));
 }
 
@@ -127,12 +127,28 @@ TEST(Grouping, by_recslam_with_a_list_that_filters_is_no_worse_than_its_start) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     const OverlapGraph graph = of_kind(kKinds[seed % 4], 24, seed);
     RecslamOptions start, filters;
-    start.search = false;
-    filters.tabu_filters = true;
+    start.search = RecslamSearch::none;
+    filters.search = RecslamSearch::tabu;
     const double first = cut_weight(graph, group_recslam(graph, 4, start));
     EXPECT_LE(cut_weight(graph, group_recslam(graph, 4)), first + 1e-12);
     EXPECT_LE(cut_weight(graph, group_recslam(graph, 4, filters)), cut_weight(graph, group_recslam(graph, 4)) + 1e-12);
   }
+}
+
+TEST(Grouping, by_recslam_finds_more_with_more_iterations_and_a_longer_list) {
+  double few = 0.0, many = 0.0, without_list = 0.0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const OverlapGraph graph = of_kind("dense", 40, seed);
+    RecslamOptions options;
+    options.search = RecslamSearch::tabu;
+    many += cut_weight(graph, group_recslam(graph, 3, options));
+    options.tabu_length = 0;
+    without_list += cut_weight(graph, group_recslam(graph, 3, options));
+    options.iterations = 2;
+    few += cut_weight(graph, group_recslam(graph, 3, options));
+  }
+  EXPECT_LT(many, without_list);
+  EXPECT_LT(without_list, few);
 }
 
 TEST(Grouping, is_the_same_for_the_same_seed) {

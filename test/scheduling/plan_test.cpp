@@ -206,6 +206,17 @@ TEST(Plan, is_made_for_graphs_without_links_and_in_pieces) {
   EXPECT_EQ(make_plan(problem, {}).cut_weight, 0.0);
 }
 
+TEST(Plan, groups_as_recslam_is_asked_to) {
+  double cut[3];
+  for (const RecslamSearch search : {RecslamSearch::none, RecslamSearch::printed, RecslamSearch::tabu}) {
+    double& sum = cut[static_cast<int>(search)] = 0.0;
+    for (std::uint64_t seed = 1; seed <= 10; ++seed)
+      sum += make_plan(random_problem(30, 3, seed), {PlanMethod::recslam, 1, {}, {search}}).cut_weight;
+  }
+  EXPECT_LT(cut[1], cut[0]);
+  EXPECT_LE(cut[2], cut[1]);
+}
+
 TEST(Plan, sends_robots_to_further_edges_where_it_is_asked_to) {
   const Problem problem = random_problem(6, 3, 4);
   PlanOptions options;

@@ -31,6 +31,7 @@ tiers::CoordinatorOptions options_of(const RunConfiguration& configuration, cons
   const auto method = static_cast<int>(configuration.coordinator.method) - static_cast<int>(Coordination::standard);
   options.plan.method = static_cast<scheduling::PlanMethod>(method);
   options.plan.seed = configuration.seed;
+  options.plan.recslam = configuration.coordinator.recslam;
   options.plan.model = model_of(configuration, plan.model);
   options.cloud = planned_cloud(configuration);
   options.hysteresis = configuration.coordinator.hysteresis;

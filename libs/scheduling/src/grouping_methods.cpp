@@ -91,6 +91,7 @@ GroupOf algorithm_1(const OverlapGraph& graph, std::uint32_t groups) {
 // Algorithm 2.
 GroupOf algorithm_2(const OverlapGraph& graph, std::uint32_t groups, GroupOf group_of, const RecslamOptions& options) {
   const auto vertices = static_cast<std::uint32_t>(graph.size());
+  const bool filters = options.search == RecslamSearch::tabu;
   struct Swap {
     double gain;
     std::uint32_t a, b;
@@ -99,7 +100,7 @@ GroupOf algorithm_2(const OverlapGraph& graph, std::uint32_t groups, GroupOf gro
   GroupOf best = group_of, held_best;  // held_best: G_k as printed, the best of all candidates ever made
   double cut = cut_weight(graph, group_of), best_cut = cut, held_cut = std::numeric_limits<double>::infinity();
   std::vector<std::pair<std::uint32_t, std::uint32_t>> tabu;
-  for (std::uint32_t iteration = 0; iteration < options.iterations; ++iteration) {
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
     Links linked = links_to_groups(graph, group_of, groups);
     Swap chosen{kNone, 0, 0};
     for (std::uint32_t a = 0; a < vertices; ++a)
@@ -112,19 +113,19 @@ GroupOf algorithm_2(const OverlapGraph& graph, std::uint32_t groups, GroupOf gro
         const double gain = apart - 2.0 * graph.weight(a, b);
         if (gain <= chosen.gain) continue;
         const bool passed_over =
-            options.tabu_filters && std::find(tabu.begin(), tabu.end(), std::pair(a, b)) != tabu.end();
+            filters && std::find(tabu.begin(), tabu.end(), std::pair(a, b)) != tabu.end();
         constexpr double kNoise = 1e-12;
         if (passed_over && cut - gain >= best_cut - kNoise) continue;
         chosen = {gain, a, b};
       }
     if (chosen.gain == kNone) break;
-    if (options.tabu_filters) {
+    if (filters) {
       swap_groups(graph, chosen.a, chosen.b, groups, group_of, linked);
       cut -= chosen.gain;
       if (const auto listed = std::find(tabu.begin(), tabu.end(), std::pair(chosen.a, chosen.b)); listed != tabu.end())
         tabu.erase(listed);
       tabu.emplace_back(chosen.a, chosen.b);
-      if (tabu.size() > options.tabu_length) tabu.erase(tabu.begin());
+      if (tabu.size() > static_cast<std::size_t>(options.tabu_length)) tabu.erase(tabu.begin());
     } else {
       // S and G grow and are never cleared: what line 11 finds is the best candidate of all iterations, the first of
       // equals.
@@ -161,10 +162,16 @@ std::vector<std::uint32_t> shuffled(std::size_t vertices, std::uint64_t seed) {
 
 }  // namespace
 
+const std::vector<std::string>& recslam_search_names() {
+  static const std::vector<std::string> names{"none", "printed", "tabu"};
+  return names;
+}
+
 GroupOf group_recslam(const OverlapGraph& graph, std::uint32_t groups, const RecslamOptions& options) {
   MAPWEAVE_EXPECT(groups >= 1, "there is a group");
   GroupOf group_of = algorithm_1(graph, groups);
-  return options.search ? algorithm_2(graph, groups, std::move(group_of), options) : group_of;
+  if (options.search == RecslamSearch::none) return group_of;
+  return algorithm_2(graph, groups, std::move(group_of), options);
 }
 
 GroupOf group_randomly(std::size_t vertices, const std::vector<std::uint32_t>& sizes, std::uint64_t seed) {

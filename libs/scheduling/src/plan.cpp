@@ -29,7 +29,8 @@ Groups grouped(const Problem& problem, const PlanOptions& options) {
   switch (options.method) {
     case PlanMethod::standard: group_of = group_balanced(graph, sizes, {options.seed}); break;
     case PlanMethod::recslam:  // knows the number of edges and nothing of capacities; may leave groups empty
-      return members_of(group_recslam(graph, static_cast<std::uint32_t>(problem.edges.size())), problem.edges.size());
+      return members_of(group_recslam(graph, static_cast<std::uint32_t>(problem.edges.size()), options.recslam),
+                        problem.edges.size());
     case PlanMethod::greedy: group_of = group_greedy(graph, sizes, options.seed); break;
     case PlanMethod::random: group_of = group_randomly(graph.size(), sizes, options.seed); break;
     case PlanMethod::metis: {

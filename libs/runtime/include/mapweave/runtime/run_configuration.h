@@ -15,6 +15,7 @@
 #include <mapweave/rig/rig.h>
 #include <mapweave/runtime/sensor_kinds.h>
 #include <mapweave/runtime/timeline.h>
+#include <mapweave/scheduling/grouping.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
 #include <mapweave/visual/client_options.h>
@@ -140,6 +141,7 @@ struct CoordinatorEntry {
   Coordination method = Coordination::none;
   std::string at, model;
   double overlap_period_s = 10.0, hysteresis = 0.1, route_range_m = 6.0;
+  scheduling::RecslamOptions recslam;
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("method", method,
@@ -170,6 +172,7 @@ struct CoordinatorEntry {
     v.positive("route_range_m", route_range_m,
                "distance in metres to both sides of an announced route that a robot is expected to see; larger values "
                "expect more overlap");
+    v.section("recslam", recslam, "RecSLAM's own grouping, for method recslam");
   }
 };
 

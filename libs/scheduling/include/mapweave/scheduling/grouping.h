@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace mapweave::scheduling {
@@ -30,15 +31,31 @@ struct GroupingOptions {
 // what is left. Ten vertices or fewer: exact.
 GroupOf group_balanced(const OverlapGraph&, const std::vector<std::uint32_t>& sizes, const GroupingOptions& = {});
 
-// RecSLAM as printed: Algorithms 1 and 2 (DECISIONS.md has each reading). Sizes are the algorithm's own: within one for
-// any number of groups.
+// How RecSLAM's first groups are improved (Algorithm 2).
+enum class RecslamSearch {
+  none,     // not at all: Algorithm 1 alone
+  printed,  // as the listing is printed, whose tabu list is written and never read
+  tabu      // as its text means it: swaps are tried anew in each iteration, and those in the list are passed over unless
+            // they lead to the best so far
+};
+const std::vector<std::string>& recslam_search_names();  // in the order of RecslamSearch
+
+// RecSLAM: Algorithms 1 and 2 (DECISIONS.md has each reading). Sizes are the algorithm's own: within one for any number
+// of groups.
 struct RecslamOptions {
-  std::uint32_t iterations = 40;   // kappa, which the paper leaves open
-  std::uint32_t tabu_length = 10;  // tau, likewise
-  // Off: Algorithm 2 as printed, whose tabu list is written and never read. On: as its text means it: candidates are
-  // made anew in each iteration, those in the list are passed over unless they lead to the best so far.
-  bool tabu_filters = false;
-  bool search = true;  // off: Algorithm 1 alone
+  RecslamSearch search = RecslamSearch::printed;
+  int iterations = 40;   // kappa, which the paper leaves open
+  int tabu_length = 10;  // tau, likewise; 0: no swap is passed over
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.choice("search", search,
+             {{"none", RecslamSearch::none}, {"printed", RecslamSearch::printed}, {"tabu", RecslamSearch::tabu}},
+             "how method recslam improves its first groups: none; printed: Algorithm 2 as its listing is printed, whose "
+             "tabu list is never read; tabu: Algorithm 2 as its text means it, where the list forbids swaps");
+    v.integer("kappa", iterations, 0, 1000000, "iterations of Algorithm 2; larger values search longer");
+    v.integer("tau", tabu_length, 0, 1000000,
+              "swaps that the tabu list of Algorithm 2 holds; larger values forbid the last swaps for longer");
+  }
 };
 GroupOf group_recslam(const OverlapGraph&, std::uint32_t groups, const RecslamOptions& = {});
 

@@ -16,6 +16,7 @@ struct PlanOptions {
   PlanMethod method = PlanMethod::standard;
   std::uint64_t seed = 1;
   LatencyModel model;
+  RecslamOptions recslam = {};  // of that method
   // Partial offloading (RecSLAM III-B): to how many edges each robot sends its data, so that one edge fewer than this
   // may fail. The further ones are those that are done soonest with it.
   std::uint32_t edges_per_robot = 1;
