@@ -237,9 +237,8 @@ Action set_up_plan(CLI::App& verb) {
                   "run`: what its maps shared, its scans, edges and links")
       ->required()
       ->type_name("PROBLEM.json|RUN_DIR");
-  verb.add_option(
-          "--method", arguments->method,
-          "default, recslam (the paper's algorithms), greedy, random, metis, or exact (16 robots at most)")
+  verb.add_option("--method", arguments->method,
+                  "default, recslam (the paper's algorithms), greedy, random, metis, or exact (16 robots at most)")
       ->check(one_of(scheduling::plan_method_names()))
       ->capture_default_str();
   verb.add_option("--seed", arguments->options.seed, "seed of random numbers")
@@ -258,7 +257,7 @@ Action set_up_plan(CLI::App& verb) {
                   "swaps that its tabu list holds; larger values forbid the last swaps for longer")
       ->check(whole_number(0, 1000000))
       ->capture_default_str();
-  const auto* compare =
+  CLI::Option* compare =
       verb.add_flag("--compare", arguments->compare, "print a table of what every method makes of the problem");
   verb.add_option("--model", arguments->model, "latency model as `mapweave profile --out` writes it")
       ->type_name("FILE");

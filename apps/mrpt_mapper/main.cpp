@@ -83,8 +83,17 @@ void serve(int output) {
     write_all(output, protocol::framed(MapperProgress{poses.size()}));
   });
   std::shared_ptr<const ScanGeometry> geometry;
+  const auto answer = [&] {
+    const auto trajectory = engine->trajectory();
+    for (std::size_t i = 0; i < poses.size(); ++i) poses[i].map_from_robot = trajectory[i];
+    write_all(output, protocol::frames_of(poses));
+  };
   for (bool more = true; more;) {
     MapperInput message = next_message(parser);
+    if (std::holds_alternative<PosesWanted>(message)) {
+      answer();
+      continue;
+    }
     auto* sensed = std::get_if<Sensed>(&message);
     if (sensed == nullptr) protocol::fail("a second engine");
     if (auto* scan = std::get_if<PackedScan>(&sensed->body)) {
@@ -100,9 +109,7 @@ void serve(int output) {
     }
   }
   motion.finish();
-  const auto trajectory = engine->trajectory();
-  for (std::size_t i = 0; i < poses.size(); ++i) poses[i].map_from_robot = trajectory[i];
-  write_all(output, protocol::frames_of(poses));
+  answer();
 }
 
 }  // namespace

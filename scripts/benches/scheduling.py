@@ -57,8 +57,8 @@ def by_search(edges=3, seeds=20):
         for robots in (10, 20, 30, 40, 50):
             for seed in range(seeds):
                 path.write_text(json.dumps(overlap_problem(robots, edges, seed)))
-                told = subprocess.run([common.PROGRAM, "plan", path, "--compare", "--json"], capture_output=True, text=True, check=True).stdout
-                for row in json.loads(told)["compared"]:
+                printed = subprocess.run([common.PROGRAM, "plan", path, "--compare", "--json"], capture_output=True, text=True, check=True).stdout
+                for row in json.loads(printed)["compared"]:
                     if "cut_weight" in row:
                         cuts.setdefault(row["method"], {}).setdefault(robots, []).append(row["cut_weight"])
     return {method: sorted((robots, statistics.mean(some)) for robots, some in found.items()) for method, found in cuts.items()}

@@ -96,6 +96,31 @@ TEST(ExternalMapper, both_engines_work_without_odometry) {
   }
 }
 
+TEST(ExternalMapper, shows_its_map_while_it_grows_and_ends_with_the_same) {
+  const auto drive = drive_around(260, true);
+  for (const std::variant<RbpfOptions, IcpOptions>& engine :
+       {std::variant<RbpfOptions, IcpOptions>(IcpOptions{}), {few_particles()}}) {
+    ExternalMapper mapper(kAlpha, engine);
+    EXPECT_TRUE(mapper.snapshot().empty());
+    mapper.catch_up();
+    EXPECT_TRUE(mapper.snapshot().empty()) << "nothing was added";
+    std::size_t added = 0, before = 0;
+    for (const LaserInput& input : drive.inputs) {
+      mapper.add(input);
+      added += std::holds_alternative<ScanInput>(input) ? 1 : 0;
+      if (added % 100 != 0 || added == before) continue;
+      before = added;
+      mapper.catch_up();
+      const Map map = mapper.snapshot();
+      EXPECT_LE(map.nodes.size(), added);
+      EXPECT_GE(map.nodes.size() + 2, added) << "one or two wait for odometry";
+      EXPECT_FALSE(map.submaps.empty());
+    }
+    mapper.finish();
+    EXPECT_EQ(content_hash(mapper.snapshot()), content_hash(mapped(drive, engine)));
+  }
+}
+
 TEST(ExternalMapper, interpolates_odometry_that_comes_between_the_scans) {
   const auto drive = drive_around(121, true);
   ExternalMapper mapper(kAlpha, IcpOptions{});

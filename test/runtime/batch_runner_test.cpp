@@ -4,9 +4,12 @@
 #include <mapweave/runtime/merge_runner.h>
 
 #include <gmock/gmock.h>
+
 #include <mapweave/core/files.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/mapdb/map_store.h>
+#include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include <sys/resource.h>
@@ -145,7 +148,33 @@ TEST_F(BatchTest, leaves_the_same_bytes_for_any_number_of_threads_and_any_order_
   EXPECT_EQ(merges[0], merges[1]);
 }
 
+TEST_F(BatchTest, sends_each_place_once_and_makes_nearly_the_map_of_whole_maps) {
+  const Report thin = run("thin");
+  configuration.cloud.maps.thin = false;
+  const Report whole = run("whole");
+  ASSERT_EQ(thin.team.components, whole.team.components);
+  EXPECT_LT(thin.work.edges[0].bytes, whole.work.edges[0].bytes);
+  const json edge = parsed(folder / "thin/summary.json")["timeline"]["edges"][0];
+  EXPECT_GT(edge["sent_scans"], 0);
+  EXPECT_LT(edge["sent_scans"], edge["scans"]);
+  EXPECT_LT(edge["walls_left_out"], 0.1);
+  EXPECT_EQ(parsed(folder / "whole/summary.json")["timeline"]["edges"][0]["sent_scans"], 0);
+  EXPECT_THAT(in_words(thin, "thin"), HasSubstr("scans to the cloud"));
+  std::ifstream one(folder / "thin/team/trajectories/beta.tum"), other(folder / "whole/team/trajectories/beta.tum");
+  std::size_t poses = 0;
+  for (double a[8], b[8]; one >> a[0] && other >> b[0]; ++poses) {
+    for (int i = 1; i < 8; ++i) {
+      one >> a[i];
+      other >> b[i];
+    }
+    ASSERT_EQ(a[0], b[0]) << "every pose is there";
+    ASSERT_LT(std::hypot(a[1] - b[1], a[2] - b[2]), 0.05);
+  }
+  EXPECT_GT(poses, 20u);
+}
+
 TEST_F(BatchTest, makes_the_same_maps_whoever_maps_and_joins) {
+  configuration.cloud.maps.thin = false;
   const Report by_edges = run("offload");
   configuration.mode = Mode::onboard;
   const Report by_robots = run("onboard");

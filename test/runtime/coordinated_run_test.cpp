@@ -75,7 +75,20 @@ TEST_F(CoordinatedRun, decides_the_same_with_any_number_of_threads) {
   }
 }
 
+TEST_F(CoordinatedRun, sees_the_maps_of_helpers_as_they_grow) {
+  configuration.laser.engine = laser::Engine::icp;
+  configuration.coordinator.method = Coordination::standard;
+  const Report report = run("helped");
+  const auto& decisions = report.coordination->decisions;
+  EXPECT_EQ(decisions.front().unknown.size(), 2u) << "neither a map nor a route yet";
+  EXPECT_TRUE(decisions.back().unknown.empty());
+  EXPECT_FALSE(decisions.back().overlaps.empty());
+  EXPECT_GT(report.coordination->summary_s, 0.0);
+  EXPECT_THAT(in_words(report, "helped"), testing::HasSubstr("blindly"));
+}
+
 TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {
+  configuration.cloud.maps.thin = false;
   run("alone");
   configuration.coordinator.method = Coordination::standard;
   configuration.edges[1].until_s = 5.0;

@@ -82,6 +82,7 @@ TEST_F(LogPartsTest, gives_the_same_bytes_for_any_number_of_threads_and_as_its_o
 }
 
 TEST_F(LogPartsTest, stay_one_robot_when_their_team_is_merged_again) {
+  configuration.cloud.maps.thin = false;
   run("monday");
   WorkerPool pool(1);
   RunConfiguration merging;

@@ -22,7 +22,8 @@ const fs::path& results() {
   static const test::TemporaryFolder folder;
   static const fs::path out = [] {
     WorkerPool pool(1);
-    const RunConfiguration configuration = simulated_team().configuration();
+    RunConfiguration configuration = simulated_team().configuration();
+    configuration.cloud.maps.thin = false;
     run_batch(configuration, make_plan(configuration, {}), {folder / "run", false, false}, pool,
               *make_silent_progress());
     return folder / "run";

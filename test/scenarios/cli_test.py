@@ -193,7 +193,7 @@ class Team(support.Scenario):
         self.mapweave("split", support.need(support.MALAGA), "--robots", "2", "--overlap", "10", "--out", "logs")
         self.assertLessEqual({"robot0.rawlog", "robot1.rawlog"}, names(self.folder / "logs"))
         config = self.configuration([("alpha", "logs/robot0.rawlog", "north"), ("beta", "logs/robot1.rawlog", "south")])
-        done = self.mapweave("run", config, "--out", "team", "--json", code=(DONE, APART))
+        done = self.mapweave("run", config, "--set", "cloud.thin_maps=false", "--out", "team", "--json", code=(DONE, APART))
         summary, out = json.loads(done.stdout), self.folder / "team"
         self.assertLessEqual({"config.yaml", "manifest.json", "summary.json", "merges.json", "robots", "edges", "team"}, names(out))
         self.assertEqual(names(out / "robots"), {"alpha", "beta"})

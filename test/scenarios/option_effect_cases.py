@@ -208,6 +208,10 @@ edges.0.speed 0.5; edges=[{id: edge0},{id: edge1}]
 cloud.at edge0; network.edge_cloud.delay_s=36000
 cloud.push_to [alpha]
 cloud.edges_judge false
+cloud.thin_maps false
+cloud.thinning.cell_m 0.5
+cloud.thinning.new_share 0.5
+cloud.thinning.sightings 3
 mode cloud-only
 team.frame beta
 coordinator.method greedy

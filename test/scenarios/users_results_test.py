@@ -173,7 +173,7 @@ class NotMerged(Session):
         self.mapweave("split", support.need(support.MALAGA), "--robots", "2", "--out", "logs")
         self.write_log("hall.log", other_room_lines(40))
         self.configuration([("alpha", "logs/robot0.rawlog"), ("beta", "logs/robot1.rawlog"), ("hall", "hall.log")])
-        done = self.mapweave("run", "team.yaml", "--out", "first", code=APART)
+        done = self.mapweave("run", "team.yaml", "--set", "cloud.thin_maps=false", "--out", "first", code=APART)
         self.assertEqual(self.robots_in("first"), {"team-1": ["alpha", "beta"], "team-2": ["hall"]})
         self.assert_same_words(done, "first", {("alpha", "beta"): True, ("alpha", "hall"): False, ("beta", "hall"): False})
 

@@ -9,6 +9,8 @@
 namespace mapweave::tiers {
 namespace {
 
+const EdgeMapOptions kWhole{false, {}};
+
 // A map sent in two updates: its first scans, then all of it.
 std::vector<std::string> sent_in_two(const Map& whole, const std::string& tier) {
   Map first = whole;
@@ -48,7 +50,7 @@ TEST_F(CloudTest, answers_alike_whatever_the_order_of_updates_and_their_repetiti
 }
 
 TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
-  EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {});
+  EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {}, kWhole);
   std::size_t judgements = 0;
   CloudMerger without(TierId("cloud"), {});
   for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05)}) {
@@ -66,8 +68,8 @@ TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
 }
 
 TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would_alone) {
-  EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}),
-      south(TierId("south"), {RobotId("beta")}, {});
+  EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}, kWhole),
+      south(TierId("south"), {RobotId("beta")}, {}, kWhole);
   CloudMerger alone(TierId("cloud"), {});
   const auto send = [&](EdgeServer& edge, const char* robot, int scans, double first_range_m) {
     const Map map = test::make_map(robot, scans, 100.0, first_range_m);  // no copies of one recording
@@ -94,6 +96,30 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   }
   EXPECT_GT(judgements, 0u);
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(alone.seal(pool, *progress)));
+}
+
+TEST_F(CloudTest, merges_what_an_edge_merged_and_takes_whole_maps_in_their_place) {
+  EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {});
+  EdgeServer::Effects effects;
+  for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05)})
+    effects =
+        edge.step({RobotId(robot), test::make_map(robot, 6, 100.0, first_range_m), std::nullopt}, pool, *progress);
+  ASSERT_GE(effects.for_cloud.size(), 2u);
+  for (const std::string& bytes : effects.for_cloud) cloud.receive(bytes, "test");
+  for (const std::string& bytes : effects.merged) cloud.receive_merged(bytes, "test");
+  EXPECT_THROW(cloud.receive_merged("nonsense", "test"), Error);
+  const fusion::FusionResult result = cloud.seal(pool, *progress);
+  EXPECT_EQ(result.components.size(), edge.result().components.size());
+  EXPECT_TRUE(cloud.wanted_as_whole(result).empty());
+  fusion::FusionResult reopened;
+  reopened.reopened = {{MapId("alpha"), MapId("beta")}};
+  const auto wanted = cloud.wanted_as_whole(reopened);
+  ASSERT_EQ(wanted.size(), 1u);
+  for (const std::string& bytes : edge.whole_maps(wanted.at(TierId("north"))).for_cloud) cloud.receive(bytes, "test");
+  CloudMerger from_whole(TierId("cloud"), {});
+  for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05)})
+    from_whole.receive(first_update(test::make_map(robot, 6, 100.0, first_range_m), TierId("north")), "test");
+  EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(from_whole.seal(pool, *progress)));
 }
 
 TEST_F(CloudTest, gives_edges_no_judging_task_that_they_cannot_do) {

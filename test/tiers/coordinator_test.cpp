@@ -18,9 +18,10 @@ EdgeIs edge(const char* id, double bytes_per_s = 1e6, std::optional<std::uint32_
 }
 
 // Robots a and b drive one corridor, c and d another one.
-Coordinator two_corridors(double hysteresis = 0.1) {
+Coordinator two_corridors(double hysteresis = 0.1, const scheduling::LatencyModel& model = {}) {
   CoordinatorOptions options;
   options.hysteresis = hysteresis;
+  options.plan.model = model;
   Coordinator coordinator(options);
   coordinator.receive(edge("north"));
   coordinator.receive(edge("south"));
@@ -136,9 +137,37 @@ TEST(Coordinator, maps_on_board_where_there_is_no_edge_and_comes_back) {
   EXPECT_EQ(placed, 3) << "as many as it holds";
 }
 
+TEST(Coordinator, leaves_robots_where_moving_costs_more_than_it_saves) {
+  scheduling::LatencyModel no_cost;  // of sending and mapping again
+  no_cost.slam_s_per_scan = no_cost.scan_bytes = no_cost.robot_bytes_fixed = 0.0;
+  for (const bool costs : {false, true}) {
+    Coordinator coordinator = two_corridors(0.0, costs ? scheduling::LatencyModel() : no_cost);
+    coordinator.decide(0.0);
+    coordinator.receive(MapReport{RobotId("a"), 2000, corridor(100, 120)});
+    coordinator.receive(MapReport{RobotId("b"), 2000, corridor(200, 220)});
+    coordinator.receive(MapReport{RobotId("d"), 100, corridor(200, 220)});
+    coordinator.receive(MapReport{RobotId("c"), 100, corridor(100, 120)});
+    const auto decision = coordinator.decide(10.0);
+    ASSERT_TRUE(decision);
+    EXPECT_EQ(decision->moves.empty(), costs);
+  }
+}
+
+TEST(Coordinator, says_of_whom_it_knows_nothing) {
+  Coordinator coordinator{CoordinatorOptions{}};
+  coordinator.receive(edge("north"));
+  coordinator.receive(RobotComes{RobotId("a"), std::nullopt, {}});
+  coordinator.receive(RobotComes{RobotId("b"), corridor(0, 20), {}});
+  EXPECT_THAT(coordinator.decide(0.0)->unknown, ElementsAre(RobotId("a")));
+  coordinator.receive(MapReport{RobotId("a"), 10, corridor(0, 20)});
+  EXPECT_THAT(coordinator.decide(1.0)->unknown, ElementsAre());
+}
+
 TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
+  scheduling::LatencyModel no_cost;  // of sending and mapping again
+  no_cost.slam_s_per_scan = no_cost.scan_bytes = no_cost.robot_bytes_fixed = 0.0;
   for (const double hysteresis : {0.0, 0.9}) {
-    Coordinator coordinator = two_corridors(hysteresis);
+    Coordinator coordinator = two_corridors(hysteresis, no_cost);
     coordinator.decide(0.0);
     const auto before = coordinator.edge_of();
     // From now on a sees what c sees, b what d sees; a and b, who drove far, are fused on one edge.

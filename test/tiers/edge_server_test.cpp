@@ -18,9 +18,10 @@ struct EdgeTest : testing::Test {
   }
 };
 
-TEST_F(EdgeTest, sends_the_cloud_a_map_as_soon_as_its_robot_ends) {
+TEST_F(EdgeTest, sends_the_cloud_a_whole_map_as_soon_as_its_robot_ends) {
   const Map alpha = test::make_map("alpha", 4);
-  const auto effects = end("alpha", alpha);
+  EdgeServer whole(kEdge, {RobotId("alpha"), RobotId("beta")}, {}, {false, {}});
+  const auto effects = whole.step({RobotId("alpha"), alpha, std::nullopt}, pool, *progress);
   EXPECT_FALSE(effects.fused);
   ASSERT_EQ(effects.for_cloud.size(), 1u);
   const MapUpdate update = decode_map_update(effects.for_cloud[0], "test");
@@ -28,6 +29,28 @@ TEST_F(EdgeTest, sends_the_cloud_a_map_as_soon_as_its_robot_ends) {
   EXPECT_EQ(update.origin.map, MapId("alpha"));
   EXPECT_EQ(update.sequence, 1u);
   EXPECT_EQ(content_hash(updated(Map{}, update)), content_hash(alpha));
+}
+
+TEST_F(EdgeTest, thins_maps_once_its_last_robot_has_ended_and_sends_them_whole_when_asked) {
+  const Map alpha = test::make_map("alpha", 40), beta = test::make_map("beta", 50, 900.0);
+  EXPECT_TRUE(end("alpha", alpha).for_cloud.empty());
+  const auto effects = end("beta", beta);
+  ASSERT_EQ(effects.for_cloud.size(), 2u);
+  std::size_t bytes = 0;
+  for (const std::string& sent : effects.for_cloud) {
+    const Map map = updated(Map{}, decode_map_update(sent, "test"));
+    EXPECT_EQ(map.nodes.size(), map.id == alpha.id ? 40u : 50u);
+    bytes += sent.size();
+  }
+  EXPECT_LT(bytes, first_update(alpha, kEdge).size() + effects.map_bytes);
+  EXPECT_EQ(edge.thinning().scans, 90u);
+  EXPECT_LT(edge.thinning().kept, 90u);
+  const auto whole = edge.whole_maps({MapId("beta"), MapId("gamma")});
+  ASSERT_EQ(whole.for_cloud.size(), 1u) << "gamma is not here";
+  const MapUpdate update = decode_map_update(whole.for_cloud[0], "test");
+  EXPECT_EQ(update.base, 0u);
+  EXPECT_EQ(content_hash(updated(Map{}, update)), content_hash(beta));
+  EXPECT_TRUE(edge.whole_maps({MapId("beta")}).for_cloud.empty()) << "it was sent";
 }
 
 TEST_F(EdgeTest, fuses_when_the_last_robot_has_ended_whatever_the_order) {

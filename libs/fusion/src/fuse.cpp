@@ -109,6 +109,7 @@ class Fusing {
           map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
+    if (!is_alone) component.merged = judging_.lasers().merged_maps(members);
     return component;
   }
 
@@ -125,6 +126,8 @@ class Fusing {
     for (PairJoin& pair : pairs_) result_.verdicts.push_back(std::move(pair.result.verdict));
     result_.judgements = judging_.judgements();
     result_.audits = audit_.result();
+    for (const MergedTeam& team : judging_.lasers().merged().teams())
+      if (team.is_reopened) result_.reopened.push_back(team.given->members);
   }
 
   const FusionInput& input_;

@@ -124,27 +124,45 @@ void ExternalMapper::add(const LaserInput& input) {
 void ExternalMapper::finish() {
   MAPWEAVE_EXPECT(!finished_, "finish() is called once");
   send({}, StreamEnd{});
-  std::string_view nothing;
-  while (!is_done_)
-    if (!exchange(nothing, true)) fail();
+  await_poses();
   if (poses_.size() != scans_.size()) {
     failure_ =
         "it answered with " + std::to_string(poses_.size()) + " poses for " + std::to_string(scans_.size()) + " scans";
     fail();
   }
   end_helper();
-  std::vector<TrackedScan> tracked;
-  tracked.reserve(scans_.size());
-  for (std::size_t i = 0; i < scans_.size(); ++i) {
-    std::optional<Pose2> by_wheels;
-    if (poses_[i].by_wheels) by_wheels = poses_[i].previous_from_this;
-    tracked.push_back({scans_[i].stamp, std::move(scans_[i].scan), poses_[i].map_from_robot, by_wheels});
-  }
+  map_ = map_of(std::move(scans_));
   scans_ = {};
   poses_ = {};
-  map_ = cut_into_submaps(map_.id, SessionId{client_, first_stamp_ ? first_stamp_->ns : 0}, std::move(tracked),
-                          options_.submaps);
   finished_ = true;
+}
+
+void ExternalMapper::catch_up() {
+  if (finished_) return;
+  send(protocol::framed(MapperInput(PosesWanted{})));
+  await_poses();
+  // Scans that wait for odometry have no pose yet.
+  map_ = map_of({scans_.begin(), scans_.begin() + static_cast<std::ptrdiff_t>(poses_.size())});
+  poses_ = {};
+}
+
+void ExternalMapper::await_poses() {
+  is_done_ = false;
+  std::string_view nothing;
+  while (!is_done_)
+    if (!exchange(nothing, true)) fail();
+}
+
+Map ExternalMapper::map_of(std::vector<Waiting> scans) const {
+  std::vector<TrackedScan> tracked;
+  tracked.reserve(scans.size());
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    std::optional<Pose2> by_wheels;
+    if (poses_[i].by_wheels) by_wheels = poses_[i].previous_from_this;
+    tracked.push_back({scans[i].stamp, std::move(scans[i].scan), poses_[i].map_from_robot, by_wheels});
+  }
+  return cut_into_submaps(map_.id, SessionId{client_, first_stamp_ ? first_stamp_->ns : 0}, std::move(tracked),
+                          options_.submaps);
 }
 
 void ExternalMapper::send(const Stamp& stamp, std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> sensed) {

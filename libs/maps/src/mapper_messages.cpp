@@ -72,7 +72,10 @@ ScanPoses poses_of(const form::ScanPoses& content, const FormReader& reader) {
 
 std::string encode(const MapperInput& input) {
   if (const auto* start = std::get_if<EngineStart>(&input)) return encoded(*start);
-  return encode(std::get<Sensed>(input));
+  if (const auto* sensed = std::get_if<Sensed>(&input)) return encode(*sensed);
+  form::Exchange form;
+  form.mutable_poses_wanted();
+  return written(form);
 }
 
 std::string encode(const MapperOutput& output) {
@@ -87,6 +90,7 @@ MapperInput decode_mapper_input(std::string_view bytes, const std::string& where
   switch (form.content_case()) {
     case form::Exchange::kEngineStart: return start_of(form.engine_start(), reader);
     case form::Exchange::kSensed: return sensed_of(form.sensed(), reader);
+    case form::Exchange::kPosesWanted: return PosesWanted{};
     default: reader.corrupt("it is no message for a helper");
   }
 }

@@ -130,6 +130,7 @@ class TeamRun {
   bool map();
   void fuse_on_edges();
   void judge_on_edges();
+  void merge_in_cloud();
   void finalize();
   void write();
 
@@ -248,7 +249,7 @@ void TeamRun::fuse_on_edges() {
       for (const PlannedRobot& robot : plan_.robots)
         if (robot.edge == id) members.push_back(robot.id);
       if (members.empty()) continue;  // the coordinator gave it none
-      tiers::EdgeServer server(id, members, configuration_.fusion);
+      tiers::EdgeServer server(id, members, configuration_.fusion, configuration_.cloud.maps);
       server.set_priors(priors_);
       MeteredEdge edge(std::move(server), edge_entry(configuration_, id).speed);
       for (std::size_t i = 0; i < outcomes_.size(); ++i) {
@@ -258,6 +259,7 @@ void TeamRun::fuse_on_edges() {
                                  : edge.step(outcomes_[i], pool_, progress_);
         report_.work.robots[i].map_bytes = effects.map_bytes;
         send_to_cloud(effects.for_cloud, "edge " + id.str());
+        for (const std::string& merged : effects.merged) cloud_.receive_merged(merged, "edge " + id.str());
       }
       edges_.push_back(std::move(edge));
     }
@@ -287,8 +289,21 @@ void TeamRun::judge_on_edges() {
       send_to_cloud(edge.step(task->second, pool_, progress_).for_cloud, "edge " + edge.id().str());
 }
 
+// What an edge merged and the cloud takes apart is merged anew, from the whole maps.
+void TeamRun::merge_in_cloud() {
+  team_ = cloud_.seal(pool_, progress_);
+  const auto wanted = cloud_.wanted_as_whole(team_);
+  for (MeteredEdge& edge : edges_)
+    if (const auto maps = wanted.find(edge.id()); maps != wanted.end()) {
+      report_.notes.push_back("edge " + edge.id().str() +
+                              " merged maps that the cloud takes apart again; it sent them as a whole");
+      send_to_cloud(edge.whole_maps(maps->second).for_cloud, "edge " + edge.id().str());
+    }
+  if (!wanted.empty()) team_ = cloud_.seal(pool_, progress_);
+}
+
 void TeamRun::finalize() {
-  if (is_any_mapped()) team_ = cloud_.seal(pool_, progress_);
+  if (is_any_mapped()) merge_in_cloud();
   frames_ = choose_frames(frame_choice(), own_maps(), team_);
   report_work();
   report_.timeline = timeline({configuration_.mode, plan_.network, configuration_.processors, configuration_.cloud,

@@ -69,16 +69,27 @@ void CoordinatedRobots::report_robots(double now_s) {
   }
 }
 
+transport::LinkState CoordinatedRobots::link(const std::string& from, const std::string& to,
+                                             const transport::LinkModelOptions& otherwise, double now_s) {
+  auto wire = wires_.find({from, to});
+  if (wire == wires_.end())
+    wire = wires_
+               .emplace(std::make_pair(from, to),
+                        transport::LinkModel(wire_between(plan_.network, from, to, otherwise), 0))
+               .first;
+  return wire->second.state_at(now_s);
+}
+
+// From the robot to where the coordinator is.
+double CoordinatedRobots::summary_seconds(const RobotId& robot, std::size_t bytes, double now_s) {
+  const bool is_in_cloud = configuration_.coordinator.at.empty();
+  const transport::LinkState wire = link(robot.str(), is_in_cloud ? "cloud" : configuration_.coordinator.at,
+                                         is_in_cloud ? plan_.network.robot_cloud : plan_.network.robot_edge, now_s);
+  return static_cast<double>(bytes) / planned_bytes_per_s(wire) + wire.delay_s;
+}
+
 void CoordinatedRobots::report_edges_and_wires(double now_s) {
   const NetworkOptions& network = plan_.network;
-  const auto state = [&](const std::string& from, const std::string& to, const transport::LinkModelOptions& otherwise) {
-    auto wire = wires_.find({from, to});
-    if (wire == wires_.end())
-      wire =
-          wires_.emplace(std::make_pair(from, to), transport::LinkModel(wire_between(network, from, to, otherwise), 0))
-              .first;
-    return wire->second.state_at(now_s);
-  };
   const std::string cloud = configuration_.cloud.at.empty() ? "cloud" : configuration_.cloud.at;
   for (const TierId& id : plan_.edges) {
     const EdgeEntry entry = edge_entry(configuration_, id);
@@ -92,7 +103,7 @@ void CoordinatedRobots::report_edges_and_wires(double now_s) {
     edge.bytes_per_s = kAnyBytesPerS;
     edge.delay_s = 0.0;  // where the cloud is
     if (id.str() != cloud) {
-      const transport::LinkState wire = state(id.str(), cloud, network.edge_cloud);
+      const transport::LinkState wire = link(id.str(), cloud, network.edge_cloud, now_s);
       edge.bytes_per_s = planned_bytes_per_s(wire);
       edge.delay_s = wire.delay_s;
     }
@@ -100,7 +111,7 @@ void CoordinatedRobots::report_edges_and_wires(double now_s) {
     send(edge);
     for (const PlannedRobot& robot : plan_.robots) {
       if (coordinator_.edge_of().count(robot.id) == 0) continue;
-      const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
+      const transport::LinkState wire = link(robot.id.str(), id.str(), network.robot_edge, now_s);
       send(LinkIs{robot.id, id, planned_bytes_per_s(wire), wire.delay_s});
     }
   }
@@ -164,12 +175,15 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
     });
     expect_no_trouble();
     report_robots(now_s);
+    double slowest_s = 0.0;
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (reports[i].empty()) continue;
       report_.summary_bytes += reports[i].size();
+      slowest_s = std::max(slowest_s, summary_seconds(names[i], reports[i].size(), now_s));
       coordinator_.receive(decode_coordinator_event(reports[i], "the report of robot " + names[i].str()));
       if (!all[i]->next()) send(RobotGoes{names[i]});
     }
+    report_.summary_s += slowest_s;
     report_edges_and_wires(now_s);
     decide(now_s, tasks, pool);
   }

@@ -25,6 +25,9 @@ class CoordinatedRobots {
   void send(const CoordinatorEvent& event);  // by its bytes
   void report_robots(double now_s);          // those that come
   void report_edges_and_wires(double now_s);
+  transport::LinkState link(const std::string& from, const std::string& to,
+                            const transport::LinkModelOptions& otherwise, double now_s);
+  double summary_seconds(const RobotId& robot, std::size_t bytes, double now_s);
   void decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool&);
   bool decide(double now_s);
 

@@ -139,7 +139,7 @@ void LaserTask::move() {
   });
 }
 
-Map LaserTask::map_so_far() const { return state_->slam && !state_->outcome ? state_->slam->map_so_far() : Map(); }
+Map LaserTask::map_so_far() { return state_->slam && !state_->outcome ? state_->slam->map_so_far() : Map(); }
 
 LaserOutcome LaserTask::finish() {
   State& state = *state_;

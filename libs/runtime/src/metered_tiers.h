@@ -38,6 +38,12 @@ class MeteredEdge {
   template <class Ended>
   tiers::EdgeServer::Effects step(const Ended& ended, WorkerPool& pool, Progress& progress) {
     auto effects = metered(work_.fusing_s, [&] { return edge_.step(ended, pool, progress); });
+    work_.bytes += bytes_of(effects.for_cloud) + bytes_of(effects.merged);
+    work_.thinning = edge_.thinning();
+    return effects;
+  }
+  tiers::EdgeServer::Effects whole_maps(const std::vector<MapId>& maps) {
+    auto effects = metered(work_.fusing_s, [&] { return edge_.whole_maps(maps); });
     work_.bytes += bytes_of(effects.for_cloud);
     return effects;
   }
@@ -63,6 +69,12 @@ class MeteredCloud {
   void set_priors(std::vector<fusion::MapPrior> priors) { cloud_.set_priors(std::move(priors)); }
   void receive(const std::string& update, const std::string& where) {
     metered(fusing_s_, [&] { return cloud_.receive(update, where); });
+  }
+  void receive_merged(const std::string& merged, const std::string& where) {
+    metered(fusing_s_, [&] { cloud_.receive_merged(merged, where); });
+  }
+  std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult& result) const {
+    return cloud_.wanted_as_whole(result);
   }
   std::map<TierId, tiers::JudgingTask> judging_tasks(const std::set<TierId>& edges, WorkerPool& pool) {
     auto tasks = metered(fusing_s_, [&] { return cloud_.judging_tasks(edges, pool); });

@@ -64,6 +64,12 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     done.fusing_s = field(edge, "fusing_cpu_seconds", where, key);
     done.bytes = count(edge, "bytes", where, key);
     done.speed = scheduling::number(member(edge, "speed", where, key), 0.0, kMost, true, where, key + ".speed");
+    if (edge.contains("sent_scans")) {
+      done.thinning.scans = count(edge, "scans", where, key);
+      done.thinning.kept = count(edge, "sent_scans", where, key);
+      done.thinning.walls_left_out = scheduling::number(member(edge, "walls_left_out", where, key), 0.0, 1.0, false,
+                                                        where, key + ".walls_left_out");
+    }
     done.sent_bytes = count(edge, "lent_bytes", where, key);
     done.judged_bytes = count(edge, "judged_bytes", where, key);
     done.judging_s = field(edge, "judging_cpu_seconds", where, key);

@@ -205,6 +205,8 @@ Json coordination_json(const CoordinationReport& report, const std::optional<Tim
     for (const auto& move : decision.moves)
       moves.push_back({{"robot", move.robot.str()}, {"from", move.from.str()}, {"to", move.to.str()}});
     for (const auto& [robot, edge] : decision.edge_of) placement[robot.str()] = edge.str();
+    Json unknown = Json::array();
+    for (const RobotId& robot : decision.unknown) unknown.push_back(robot.str());
     decisions.push_back({{"at_seconds", decision.at_s},
                          {"because", decision.because},
                          {"new_plan", decision.is_new_plan},
@@ -214,11 +216,13 @@ Json coordination_json(const CoordinationReport& report, const std::optional<Tim
                          {"staying_seconds", decision.staying_s},
                          {"lower_bound_seconds", decision.lower_bound_s},
                          {"cut_weight", decision.cut_weight},
+                         {"unknown", unknown},
                          {"algorithm_seconds", decision.algorithm_s}});
   }
   Json json = {{"method", report.method},
                {"at", report.at},
                {"summary_bytes", report.summary_bytes},
+               {"summary_seconds", report.summary_s},
                {"cpu_seconds", report.cpu_seconds},
                {"decisions", decisions}};
   // The last decision speaks of all that was sensed: what it expected, and what came.
@@ -282,6 +286,10 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
     for (const auto& move : decision.moves)
       text += format("%s %s to %s", &move == &decision.moves.front() ? "" : ",", move.robot.str().c_str(),
                      move.to.empty() ? "itself, on board" : move.to.str().c_str());
+    if (decision.unknown.size() == decision.edge_of.size())
+      text += "; blindly, since no map and no route is known";
+    else if (!decision.unknown.empty())
+      text += format("; of %zu robots neither map nor route is known", decision.unknown.size());
     text += format("; map expected complete after %.3g s", decision.expected_s);
     if (decision.is_new_plan && decision.at_s > 0.0) text += format(" instead of %.3g s", decision.staying_s);
     text += "\n";
@@ -412,6 +420,11 @@ std::string in_words(const Report& report, const std::string& asked) {
   }
   if (report.coordination) text += in_words(*report.coordination, report.timeline);
   for (const FusionReport& edge : report.edges) text += in_words(edge, "edge " + edge.tier.str());
+  for (const EdgeWork& edge : report.work.edges)
+    if (edge.thinning.scans > 0)
+      text +=
+          format("edge %s: sent %zu of %zu scans to the cloud, which leave out %.1f %% of the walls\n",
+                 edge.id.str().c_str(), edge.thinning.kept, edge.thinning.scans, 100.0 * edge.thinning.walls_left_out);
   text += in_words(report.team, report.team.tier.str());
   text += frames_in_words(report.team);
   for (const std::string& note : report.notes) text += "note: " + note + "\n";

@@ -75,6 +75,10 @@ class Replay {
     const auto known = speed_.find(edge);
     return known != speed_.end() ? known->second : options_.processors.edge_speed();
   }
+  bool is_thinned(const TierId& edge) const {
+    return std::any_of(work_.edges.begin(), work_.edges.end(),
+                       [&](const EdgeWork& one) { return one.id == edge && one.thinning.scans > 0; });
+  }
   double cloud_speed() const {
     return options_.cloud.at.empty() ? options_.processors.cloud_speed() : speed_of(TierId(cloud_));
   }
@@ -113,8 +117,9 @@ void Replay::map(const RobotWork& robot) {
   double busy_s = 0.0;
   if (options_.mode == Mode::offload && !is_alone) {
     line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / robot_speed;
-    line.arrived_s = wires_.send(id, edge, network.robot_edge, line.packed_s, robot.sensed_bytes);
-    line.mapped_s = line.arrived_s + robot.mapping_s / speed_of(robot.edge);
+    line.arrived_s =
+        wires_.send(id, edge, network.robot_edge, line.packed_s, robot.sensed_bytes + robot.repeated_bytes);
+    line.mapped_s = line.arrived_s + (robot.mapping_s + robot.repeated_s) / speed_of(robot.edge);
   } else {
     line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / robot_speed;
     line.arrived_s = is_alone ? wires_.send(id, cloud_, robot_cloud(), line.mapped_s, robot.map_bytes)
@@ -125,12 +130,12 @@ void Replay::map(const RobotWork& robot) {
   if (is_alone || edge == cloud_) maps_there_s_ = std::max(maps_there_s_, there_s);
   if (!is_alone) {
     ready_s_[robot.edge] = std::max(ready_s_[robot.edge], there_s);
-    if (edge != cloud_) at_edges_.push_back({there_s, &robot});
+    if (edge != cloud_ && !is_thinned(robot.edge)) at_edges_.push_back({there_s, &robot});
   }
   result_.robots.push_back(line);
 }
 
-// Each map goes on to the cloud while its edge waits for others and fuses. What the edge found of them follows.
+// Each whole map goes on to the cloud while its edge waits for others and fuses. What the edge found of them follows.
 void Replay::send_maps_on() {
   std::stable_sort(at_edges_.begin(), at_edges_.end(),
                    [](const MapAtEdge& l, const MapAtEdge& r) { return l.at_s < r.at_s; });
@@ -147,6 +152,7 @@ void Replay::fuse(const EdgeWork& edge) {
     line.arrived_s = free_s_ = line.fused_s;
   else
     line.arrived_s = send_up(edge.id, line.fused_s, edge.bytes - std::min(edge.bytes, sent_[edge.id]));
+  if (edge.thinning.scans > 0) maps_there_s_ = std::max(maps_there_s_, line.arrived_s);
   received_s_ = std::max(received_s_, line.arrived_s);
   result_.edges.push_back(line);
 }
@@ -208,6 +214,9 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
     edges.push_back({{"id", line.id.str()},
                      {"fusing_cpu_seconds", work.edges.at(i).fusing_s},
                      {"bytes", work.edges.at(i).bytes},
+                     {"scans", work.edges.at(i).thinning.scans},
+                     {"sent_scans", work.edges.at(i).thinning.kept},
+                     {"walls_left_out", work.edges.at(i).thinning.walls_left_out},
                      {"speed", work.edges.at(i).speed},
                      {"ready_seconds", line.ready_s},
                      {"fused_seconds", line.fused_s},

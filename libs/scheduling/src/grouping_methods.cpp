@@ -112,8 +112,7 @@ GroupOf algorithm_2(const OverlapGraph& graph, std::uint32_t groups, GroupOf gro
         if (apart <= chosen.gain) continue;
         const double gain = apart - 2.0 * graph.weight(a, b);
         if (gain <= chosen.gain) continue;
-        const bool passed_over =
-            filters && std::find(tabu.begin(), tabu.end(), std::pair(a, b)) != tabu.end();
+        const bool passed_over = filters && std::find(tabu.begin(), tabu.end(), std::pair(a, b)) != tabu.end();
         constexpr double kNoise = 1e-12;
         if (passed_over && cut - gain >= best_cut - kNoise) continue;
         chosen = {gain, a, b};

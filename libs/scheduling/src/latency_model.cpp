@@ -114,9 +114,11 @@ LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge
   const auto link = problem_.links.find({robot, edge});
   const RobotLink wire =
       link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
+  const auto& known = problem_.edge_of;
+  const double times = robot < known.size() && known[robot] && *known[robot] != edge ? 2.0 : 1.0;
   const double bytes = model_.robot_bytes_fixed + scans(robot) * model_.scan_bytes;
-  return {robot, scans(robot) * model_.pack_s_per_scan, bytes / wire.bytes_per_s + wire.delay_s,
-          scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
+  return {robot, scans(robot) * model_.pack_s_per_scan, times * bytes / wire.bytes_per_s + wire.delay_s,
+          times * scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
 }
 
 double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {

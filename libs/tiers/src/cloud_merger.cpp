@@ -47,12 +47,29 @@ Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
                 "map '" + origin.map.str() + "' comes from '" + origin.tier.str() + "' and from '" +
                     known->second.receipt().origin.tier.str() + "'",
                 where, "each robot ships to exactly one edge");
+  if (known != inboxes_.end() && update.base == 0 && update.sequence > known->second.receipt().stored)
+    merged_.erase(std::remove_if(merged_.begin(), merged_.end(),
+                                 [&](const MergedMaps& merged) {
+                                   return std::binary_search(merged.members.begin(), merged.members.end(), origin.map);
+                                 }),
+                  merged_.end());
   UpdateInbox fresh(origin);
   UpdateInbox& inbox = known != inboxes_.end() ? known->second : fresh;
   for (const MapUpdate& stored : inbox.receive(std::move(update), bytes.size(), where))
     for (const Judgement& judgement : stored.judgements) memo_.emplace(judgement.id, judgement);
   if (known == inboxes_.end()) return inboxes_.emplace(origin.map, std::move(fresh)).first->second.receipt();
   return inbox.receipt();
+}
+
+void CloudMerger::receive_merged(std::string_view bytes, const std::string& where) {
+  merged_.push_back(decode_merged_maps(bytes, where));
+}
+
+std::map<TierId, std::vector<MapId>> CloudMerger::wanted_as_whole(const fusion::FusionResult& result) const {
+  std::map<TierId, std::vector<MapId>> wanted;
+  for (const std::vector<MapId>& members : result.reopened)
+    for (const MapId& id : members) wanted[inboxes_.at(id).receipt().origin.tier].push_back(id);
+  return wanted;
 }
 
 std::vector<Receipt> CloudMerger::receipts() const {
@@ -109,6 +126,7 @@ fusion::FusionInput CloudMerger::input() const {
   input.by = cloud_;
   input.priors = priors_;
   input.models = models_;
+  input.merged = merged_;
   for (const auto& [id, inbox] : inboxes_) {
     if (const Receipt receipt = inbox.receipt(); receipt.awaited > 0)
       throw Error(ErrorCode::kMissing,

@@ -54,15 +54,19 @@ void Coordinator::receive(CoordinatorEvent event) {
 }
 
 void Coordinator::take(RobotComes& comes) {
-  robots_[comes.robot];
+  robots_[comes.robot].is_known = comes.route.has_value();
   edge_of_[comes.robot] = comes.edge;
   if (comes.route) overlaps_.put(comes.robot, std::move(*comes.route));
   because_.push_back("robot " + comes.robot.str() + " comes");
 }
 
 void Coordinator::take(MapReport& report) {
-  known(report.robot).scans = report.scans;
-  if (report.summary.known() > 0) overlaps_.put(report.robot, std::move(report.summary));
+  Robot& robot = known(report.robot);
+  robot.scans = report.scans;
+  if (report.summary.known() > 0) {
+    robot.is_known = true;
+    overlaps_.put(report.robot, std::move(report.summary));
+  }
   const std::string why = "maps have grown";
   if (std::find(because_.begin(), because_.end(), why) == because_.end()) because_.push_back(why);
 }
@@ -136,6 +140,14 @@ Problem Coordinator::problem(const std::vector<RobotId>& robots) {
       if (const auto link = links_.find({robot, id}); link != links_.end())
         problem.links[{index[robot], static_cast<std::uint32_t>(problem.edges.size())}] = link->second;
     problem.edges.push_back(edge);
+  }
+  for (const RobotId& robot : robots) {
+    const auto at = std::find_if(problem.edges.begin(), problem.edges.end(),
+                                 [&](const EdgeResources& edge) { return edge.id == edge_of_.at(robot); });
+    const bool has_sensed = robots_.at(robot).scans.value_or(0) > 0;
+    problem.edge_of.push_back(at != problem.edges.end() && has_sensed
+                                  ? std::optional(static_cast<std::uint32_t>(at - problem.edges.begin()))
+                                  : std::nullopt);
   }
   return problem;
 }
@@ -230,6 +242,8 @@ std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
     decision.is_new_plan = is_first || plan.seconds < stay.seconds * (1.0 - options_.hysteresis);
     decision.staying_s = stay.seconds;
     decision.overlaps = overlaps_.overlaps();
+    for (const RobotId& robot : robots)
+      if (!robots_.at(robot).is_known) decision.unknown.push_back(robot);
     const Candidate& taken = decision.is_new_plan ? plan : stay;
     decision.expected_s = taken.seconds;
     if (!decision.is_new_plan) decision.cut_weight = scheduling::cut_weight(problem.overlaps, taken.edge_of);

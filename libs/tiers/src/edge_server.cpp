@@ -1,7 +1,10 @@
 #include <mapweave/tiers/edge_server.h>
 
 #include <mapweave/maps/map_update.h>
+#include <mapweave/maps/merged_maps.h>
 #include <mapweave/maps/pair_to_judge.h>
+
+#include <algorithm>
 
 namespace mapweave::tiers {
 namespace {
@@ -16,16 +19,18 @@ fusion::FirstPair as_judged(const PairToJudge& sent) {
 
 }  // namespace
 
-std::string first_update(const Map& map, const TierId& from) {
+std::string first_update(const Map& map, const TierId& from, std::uint64_t sequence) {
   MapUpdate update = difference(Map{}, map);
   update.origin = {from, map.id};
-  update.sequence = 1;
+  update.sequence = sequence;
   return encode(update);
 }
 
-EdgeServer::EdgeServer(TierId edge, const std::vector<RobotId>& robots, fusion::FusionOptions options)
+EdgeServer::EdgeServer(TierId edge, const std::vector<RobotId>& robots, fusion::FusionOptions options,
+                       EdgeMapOptions sent)
     : edge_(edge),
       options_(std::move(options)),
+      sent_options_(sent),
       awaited_(robots.begin(), robots.end()),
       models_(fusion::make_models(options_)) {}
 
@@ -36,8 +41,9 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   std::vector<Map> maps = std::move(outcome.apart);
   if (outcome.map) maps.insert(maps.begin(), std::move(*outcome.map));
   for (Map& map : maps) {
-    effects.for_cloud.push_back(first_update(map, edge_));
-    effects.map_bytes += effects.for_cloud.back().size();
+    std::string whole = first_update(map, edge_);
+    effects.map_bytes += whole.size();
+    if (!sent_options_.thin) effects.for_cloud.push_back(std::move(whole));
     const MapId id = map.id;
     sequence_[id] = 1;
     maps_.set(id, std::move(map));
@@ -54,8 +60,45 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   fusion::Memo memo;
   result_ = fusion::fuse(input, options_, memo, pool, progress);
 
+  if (sent_options_.thin) send_thinned(effects);
   for (std::string& update : updates_of(result_.judgements)) effects.for_cloud.push_back(std::move(update));
   return effects;
+}
+
+// Maps that cannot be thinned are sent as they are.
+void EdgeServer::send_thinned(Effects& effects) {
+  for (const fusion::Component& component : result_.components) {
+    std::vector<const Map*> members;
+    for (const MapId& id : component.members) members.push_back(maps_.find(id));
+    if ((members.size() > 1 && !component.merged) ||
+        !std::all_of(members.begin(), members.end(), [](const Map* map) { return fusion::can_be_thinned(*map); })) {
+      for (const Map* map : members) effects.for_cloud.push_back(first_update(*map, edge_));
+      continue;
+    }
+    fusion::ThinnedMaps sent = fusion::thinned(component, members, sent_options_.thinning);
+    thinning_.scans += sent.scans;
+    thinning_.kept += sent.kept;
+    thinning_.walls_left_out = std::max(thinning_.walls_left_out, sent.walls_left_out);
+    for (Map& map : sent.maps) {
+      effects.for_cloud.push_back(first_update(map, edge_));
+      const MapId id = map.id;
+      thinned_.set(id, std::move(map));
+    }
+    if (sent.merged) effects.merged.push_back(encode(*sent.merged));
+  }
+}
+
+EdgeServer::Effects EdgeServer::whole_maps(const std::vector<MapId>& maps) {
+  Effects effects;
+  for (const MapId& id : maps)
+    if (const Map* map = maps_.find(id); map != nullptr && thinned_.erase(id))
+      effects.for_cloud.push_back(first_update(*map, edge_, ++sequence_.at(id)));
+  return effects;
+}
+
+const Map* EdgeServer::as_sent(const MapId& id) const {
+  const Map* map = thinned_.find(id);
+  return map != nullptr ? map : maps_.find(id);
 }
 
 EdgeServer::Effects EdgeServer::step(const RobotUpdates& sent, WorkerPool& pool, Progress& progress) {
@@ -73,15 +116,24 @@ EdgeServer::Effects EdgeServer::step(const RobotUpdates& sent, WorkerPool& pool,
   return step(std::move(outcome), pool, progress);
 }
 
-// A judgement travels with the first of the maps here that it is about.
+// A judgement travels with the first of the maps here that it is about; one of contents that the cloud does not have
+// is of no use there.
 std::vector<std::string> EdgeServer::updates_of(const std::vector<Judgement>& judgements) {
   std::map<MapId, MapUpdate> updates;
-  for (const Judgement& judgement : judgements)
+  const auto is_known_otherwise = [&](const SubmapId& id, const Hash& content) {
+    for (const auto& entry : thinned_)
+      if (const Submap* submap = entry.second.submaps.find(id)) return submap->content != content;
+    return false;
+  };
+  for (const Judgement& judgement : judgements) {
+    if (is_known_otherwise(judgement.a, judgement.content_a) || is_known_otherwise(judgement.b, judgement.content_b))
+      continue;
     for (const auto& [id, map] : maps_)
       if (holds(map, judgement.a) || holds(map, judgement.b)) {
         updates[id].judgements.push_back(judgement);
         break;
       }
+  }
   std::vector<std::string> encoded;
   for (auto& [id, update] : updates) {
     update.origin = {edge_, id};
@@ -108,7 +160,7 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
     needed.insert(pair.b);
   }
   for (const MapId& id : needed)
-    if (const Map* map = maps_.find(id)) input.maps.push_back(*map);
+    if (const Map* map = as_sent(id)) input.maps.push_back(*map);
   for (const std::string& bytes : judging_task.updates) {
     const MapUpdate update = decode_map_update(bytes, "a map sent to edge " + edge_.str());
     Map map;

@@ -38,6 +38,16 @@ std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
   return std::nullopt;
 }
 
+Map RobotSlam::map_so_far() {
+  if (mapper_ == nullptr || !anything_) return {};
+  try {
+    mapper_->catch_up();
+  } catch (const Error&) {
+    return {};
+  }
+  return mapper_->snapshot();
+}
+
 RobotOutcome RobotSlam::failed(Error trouble) {
   RobotOutcome outcome{robot_, std::nullopt, std::move(trouble), mapper_->helper_cpu_seconds()};
   mapper_.reset();

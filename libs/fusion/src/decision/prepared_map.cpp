@@ -1,4 +1,5 @@
 #include "prepared_map.h"
+#include "team/followers.h"
 
 #include <algorithm>
 #include <cmath>
@@ -67,6 +68,11 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
   std::vector<std::uint64_t> cells;
   for (const Facts& fact : facts) cells.insert(cells.end(), fact.cells.begin(), fact.cells.end());
   std::sort(cells.begin(), cells.end());
+  const std::vector<NodeId> constrained = constrained_nodes(map);
+  const auto followers = std::count_if(map.nodes.begin(), map.nodes.end(),
+                                       [&](const auto& entry) { return is_follower(entry.second, constrained); });
+  prepared.scans_per_scan = static_cast<double>(map.nodes.size()) /
+                            std::max(1.0, static_cast<double>(map.nodes.size()) - static_cast<double>(followers));
   prepared.walls_m = 0.1 * static_cast<double>(std::unique(cells.begin(), cells.end()) - cells.begin());
   // A small map has few places to be recognised by: all the closer together they are looked at.
   for (double stride = stride_m;; stride *= 0.5) {

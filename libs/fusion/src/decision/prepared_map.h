@@ -22,6 +22,7 @@ struct PreparedMap {
   std::vector<std::vector<matching::WallPoint>>
       walls;  // of the representatives, in their submaps' frames; of others none
   bool is_grid = false;
+  double scans_per_scan = 1.0;  // of a map that was thinned: how many each scan that is left stands for
   double walls_m = 0.0;  // length of all walls, each place counted once (cells of 0.1 m, by the side that they face)
 };
 

@@ -28,6 +28,7 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       memo_(resources.memo),
       graph_(maps, options.solve),
       priors_(maps, graph_, input.priors),
+      merged_(maps, graph_, input.merged, resources.memo),
       judge_(maps, graph_, options, input.vetoed, resources),
       search_(maps, graph_, judge_),
       proposals_(maps, graph_) {}
@@ -109,7 +110,8 @@ bool LaserMerger::merge_surest() {
 void LaserMerger::close_loops(LaserTeam& team) {
   if (team.maps.size() < 2) return;
   const auto in_scope = [&](std::size_t i, std::size_t j) {
-    return refused_.count(std::minmax(graph_.map_of(i), graph_.map_of(j))) == 0 && !are_grids(i, j);
+    const std::size_t a = graph_.map_of(i), b = graph_.map_of(j);
+    return refused_.count(std::minmax(a, b)) == 0 && !are_grids(i, j) && !merged_.are_together(a, b);
   };
   const auto search = [&] {
     ConstraintSearchResult found = search_.run(team.maps, std::move(team.matches), in_scope, kMostRounds, true);
@@ -208,8 +210,15 @@ void LaserMerger::merge_all() {
   teams_.clear();
   merges_.clear();
   evaluations_.clear();
+  merged_.reopen(refused_);
   for (std::size_t m = 0; m < maps_.size(); ++m)
-    if (!maps_[m].submaps.empty()) teams_.push_back({{m}, {}, graph_.alone(m)});
+    if (!maps_[m].submaps.empty() && merged_.team_of(m) == nullptr) teams_.push_back({{m}, {}, graph_.alone(m)});
+  for (const MergedTeam& team : merged_.teams()) {
+    if (team.is_reopened) continue;
+    teams_.push_back({team.maps, team.matches, graph_.solve(team.maps, team.matches)});
+    merges_.insert(merges_.end(), team.merges.begin(), team.merges.end());
+  }
+  std::sort(teams_.begin(), teams_.end(), [](const LaserTeam& l, const LaserTeam& r) { return l.maps < r.maps; });
   bool any = true;
   for (std::size_t count = kFirstRound; any; count = std::min(4 * count, kMostAtOnce)) {
     any = false;
@@ -254,6 +263,32 @@ void LaserMerger::split_unconnected() {
     }
   }
   teams_ = std::move(parts);
+}
+
+std::optional<MergedMaps> LaserMerger::merged_maps(const std::vector<std::size_t>& maps) const {
+  const LaserTeam* team = team_of(maps.front());
+  if (team == nullptr || team->maps != maps || maps.size() < 2) return std::nullopt;
+  const auto names = [&](const std::vector<std::size_t>& numbers) {
+    std::vector<MapId> result;
+    for (const std::size_t map : numbers) result.push_back(maps_[map].map->id);
+    return result;
+  };
+  const auto submap = [&](std::size_t number) {
+    return maps_[graph_.map_of(number)].submaps[graph_.submap_of(number)]->id;
+  };
+  MergedMaps merged;
+  merged.members = names(maps);
+  for (const TeamsMerged& merge : merges_)
+    if (contains(maps, merge.one.front()))
+      merged.merges.push_back({names(merge.one), names(merge.other), merge.probability});
+  std::set<Hash> judgements;
+  for (const SubmapMatch& match : team->matches) {
+    merged.matches.push_back({submap(match.from), submap(match.to), match.from_from_to, match.information,
+                              match.probability, match.is_observable, match.judgement});
+    judgements.insert(match.judgement);
+  }
+  for (const Hash& id : judgements) merged.judgements.push_back(memo_.at(id));
+  return merged;
 }
 
 void LaserMerger::run(Progress& progress) {

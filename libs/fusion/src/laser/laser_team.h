@@ -4,6 +4,7 @@
 
 #include "constraint_search.h"
 #include "grid/grid_alignments.h"
+#include "merged_teams.h"
 #include "prior_evidence.h"
 #include "team_audit.h"
 #include "whole_map_proposals.h"
@@ -72,6 +73,9 @@ class LaserMerger {
   const std::vector<LaserTeam>& teams() const { return teams_; }
   const LaserTeam* team_of(std::size_t map) const;
   const SubmapGraph& graph() const { return graph_; }
+  const MergedTeams& merged() const { return merged_; }  // that were given
+  // How run() merged these maps; none where it did not. Judgements are the memo's.
+  std::optional<MergedMaps> merged_maps(const std::vector<std::size_t>& maps) const;
   // Of maps that lie so. Numbers in the result are places among `maps`.
   TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   // The merge of teams by which two maps came into one; none where they did not.
@@ -160,17 +164,14 @@ class LaserMerger {
   Memo& memo_;
   SubmapGraph graph_;
   PriorEvidence priors_;
+  MergedTeams merged_;
   mutable SubmapJudge judge_;  // keeps what it looked at
   ConstraintSearch search_;
   WholeMapProposals proposals_;
   std::map<MapPair, PairState> pairs_;
   std::map<MapPair, PairHypothesis> taken_back_;  // how they lay in the team that the audit took them out of
   std::vector<LaserTeam> teams_;
-  struct MergedTeams {
-    std::vector<std::size_t> one, other;
-    double probability;
-  };
-  std::vector<MergedTeams> merges_;  // in the order in which they were decided
+  std::vector<TeamsMerged> merges_;  // in the order in which they were decided
   std::vector<PairAudit> taken_apart_;
   std::map<std::pair<std::vector<std::size_t>, std::vector<std::size_t>>, Evaluation> evaluations_;
 };

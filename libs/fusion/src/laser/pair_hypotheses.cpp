@@ -111,7 +111,7 @@ std::optional<TeamMerge> LaserMerger::merge_of(std::size_t a, std::size_t b) con
     for (const std::size_t map : maps) result.push_back(maps_[map].map->id);
     return result;
   };
-  for (const MergedTeams& merge : merges_) {
+  for (const TeamsMerged& merge : merges_) {
     if ((has(merge.one, a) && has(merge.other, b)) || (has(merge.one, b) && has(merge.other, a))) {
       const bool is_in_order = merge.one.front() < merge.other.front();
       return TeamMerge{ids(is_in_order ? merge.one : merge.other), ids(is_in_order ? merge.other : merge.one),

@@ -93,7 +93,7 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
     }
     if (state.open.empty() || refused_.count(pair) != 0) continue;
     if (team_of(pair.first) != nullptr && team_of(pair.first) == team_of(pair.second)) continue;
-    if (is_known_to_repeat(pair)) continue;
+    if (is_known_to_repeat(pair) || merged_.are_together(pair.first, pair.second)) continue;
     open.emplace_back(state.unlikeness, pair);
   }
   std::sort(open.begin(), open.end());

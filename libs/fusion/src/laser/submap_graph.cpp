@@ -71,6 +71,9 @@ void SubmapGraph::add_own_edges(std::size_t map) {
     if (from == home_of.end() || to == home_of.end() || from->second == to->second) continue;
     scans[std::minmax(from->second, to->second)] += id.kind == ConstraintKind::loop ? kFewestScans : 1;
   }
+  // Of a map that was thinned fewer scans are left to have been matched.
+  const auto fewest =
+      static_cast<std::size_t>(std::max(1.0, std::round(static_cast<double>(kFewestScans) / own.scans_per_scan)));
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;  // nodes, by pair of submaps
   if (own.is_grid) {
     std::map<NodeId, std::vector<std::size_t>> holders;
@@ -94,7 +97,7 @@ void SubmapGraph::add_own_edges(std::size_t map) {
     if (pair.second - pair.first > 1) add(pair.first, pair.second, grid_stiffness(step.x, step.y), false);
   }
   for (const auto& [pair, count] : scans)
-    if (pair.second - pair.first > 1 && count >= kFewestScans)
+    if (pair.second - pair.first > 1 && count >= fewest)
       add(pair.first, pair.second, information_of(kRevisit_m, kRevisit_rad), pair.second - pair.first > kNextOnes);
 }
 

@@ -1,5 +1,6 @@
 #include "team_in_plane.h"
 #include "decision/verdict.h"
+#include "followers.h"
 #include "joint_transforms.h"
 #include "relative_pose_constraints.h"
 
@@ -131,9 +132,14 @@ std::vector<Pose2> TeamInPlane::bent_nodes(std::size_t number, const TeamMembers
 // Two grids hold each other tile by tile, so that both can bend.
 void TeamInPlane::add_laser_matches(const LaserTeam& lasers, std::vector<Constraint>& constraints) const {
   const SubmapGraph& graph = judging_.lasers().graph();
+  const MergedTeams& merged = judging_.lasers().merged();
+  for (const MergedTeam& team : merged.teams())
+    if (!team.is_reopened && std::includes(lasers.maps.begin(), lasers.maps.end(), team.maps.begin(), team.maps.end()))
+      constraints.insert(constraints.end(), team.given->constraints.begin(), team.given->constraints.end());
   std::set<std::pair<std::size_t, std::size_t>> grids;
   for (const SubmapMatch& match : lasers.matches) {
     const std::pair<std::size_t, std::size_t> pair = std::minmax(graph.map_of(match.from), graph.map_of(match.to));
+    if (merged.are_together(pair.first, pair.second)) continue;
     if (judging_.grids().pair(pair.first, pair.second) == nullptr)
       constraints.push_back(constraint_of(match, graph, maps_));
     else
@@ -164,21 +170,36 @@ bool TeamInPlane::is_bent_by_lasers(const TeamMembers& members) const {
                       [&](std::size_t m) { return judging_.maps()[m].is_grid; });
 }
 
-// A map whose scans were matched again when it was made holds what that found.
+// A map whose scans were matched again when it was made holds what that found; so do maps that were merged before.
 std::function<bool(const NodeId&, const Submap&)> TeamInPlane::matched_by_themselves(const TeamMembers& members) const {
-  std::map<SessionId, std::size_t> map_of;
+  std::map<SessionId, std::size_t> first_of;  // the first map of those that are merged already
   for (const std::size_t m : members.maps) {
     const Map& map = *judging_.maps()[m].map;
-    const bool is_matched = std::any_of(map.constraints.begin(), map.constraints.end(), [](const auto& entry) {
-      return entry.first.kind == ConstraintKind::scan_match && entry.first.index > 0;
-    });
+    const MergedTeam* merged = judging_.lasers().merged().team_of(m);
+    const bool is_matched =
+        merged != nullptr || std::any_of(map.constraints.begin(), map.constraints.end(), [](const auto& entry) {
+          return entry.first.kind == ConstraintKind::scan_match && entry.first.index > 0;
+        });
     if (!is_matched) continue;
-    for (const auto& entry : map.submaps) map_of.emplace(entry.second.id.session, m);
+    for (const auto& entry : map.submaps)
+      first_of.emplace(entry.second.id.session, merged != nullptr ? merged->maps.front() : m);
   }
-  return [map_of](const NodeId& node, const Submap& submap) {
-    const auto of_node = map_of.find(node.session), of_submap = map_of.find(submap.id.session);
-    return of_node != map_of.end() && of_submap != map_of.end() && of_node->second == of_submap->second;
+  return [first_of](const NodeId& node, const Submap& submap) {
+    const auto of_node = first_of.find(node.session), of_submap = first_of.find(submap.id.session);
+    return of_node != first_of.end() && of_submap != first_of.end() && of_node->second == of_submap->second;
   };
+}
+
+// Of maps that were thinned: each scan that is left stands for those that were left out beside it.
+std::vector<Constraint> TeamInPlane::rematched(const TeamMembers& members, const Map& team) const {
+  std::map<SessionId, double> scans;
+  for (const std::size_t m : members.maps)
+    for (const SessionId& session : maps_[m].map->sessions()) scans.emplace(session, maps_[m].scans_per_scan);
+  std::vector<Constraint> constraints =
+      matching::rematch(team, options_.rematch, pool_, matched_by_themselves(members), &judging_.models());
+  for (Constraint& constraint : constraints)
+    if (const double each = scans.at(constraint.id.to.session); each != 1.0) constraint.information *= each;
+  return constraints;
 }
 
 void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map,
@@ -208,12 +229,14 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
     for (Constraint& constraint : constraints_between(members, team_from_map))
       constraints.push_back(std::move(constraint));
   add_constraints(team, std::move(constraints));
-  if (is_alone) return;
-  if (!is_bent_by_lasers(members)) graph::optimise(team, options_.solve);
-  add_constraints(team,
-                  matching::rematch(team, options_.rematch, pool_, matched_by_themselves(members), &judging_.models()));
-  graph::optimise(team, options_.solve);
-  back_to_lowest(*maps_[members.maps.front()].map, team);
+  const Followers followers(team);
+  if (!is_alone) {
+    if (!is_bent_by_lasers(members)) graph::optimise(team, options_.solve);
+    add_constraints(team, rematched(members, team));
+    graph::optimise(team, options_.solve);
+  }
+  followers.put_back(team);
+  if (!is_alone) back_to_lowest(*maps_[members.maps.front()].map, team);
 }
 
 }  // namespace mapweave::fusion

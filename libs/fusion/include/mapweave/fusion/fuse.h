@@ -8,10 +8,12 @@
 #include <mapweave/fusion/fusion_options.h>
 #include <mapweave/maps/judgement.h>
 #include <mapweave/maps/map.h>
+#include <mapweave/maps/merged_maps.h>
 
 #include <atomic>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -59,6 +61,9 @@ struct FusionInput {
       {};                             // never to be matched to each other, the lower id first; unknown ids say nothing
   std::vector<MapPrior> priors = {};  // for lasers; at most one of two maps counts. Unknown ids say nothing
   std::shared_ptr<matching::ModelCache> models = {};  // to be kept for the next merge; speed, never content
+  // Of maps of lasers: what edges merged already. Taken as they are, unless what else is known contradicts them
+  // (FusionResult::reopened). What names a map, a submap or a node that is not here is left out.
+  std::vector<MergedMaps> merged = {};
   // Where it is given, an interruption ends the search for places that coincide instead of fuse(): it becomes true,
   // what was found until then decides, and the interruption is taken (clear_interrupt()).
   std::shared_ptr<std::atomic<bool>> early_end = {};
@@ -76,6 +81,8 @@ struct Component {
   // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The
   // members' own maps still hold them, so that a merge can be undone.
   Table<LandmarkId, LandmarkId> same_as;
+  // What lasers found between the members, where they have all of them; without constraints, which the map holds.
+  std::optional<MergedMaps> merged = {};
 };
 
 // What two robots of a team saw of each other's walls in the map that came out.
@@ -99,11 +106,12 @@ struct StageTime {
 };
 
 struct FusionResult {
-  std::vector<Component> components;  // largest first (nodes with payload), ties by lowest member
-  std::vector<Verdict> verdicts;      // of every pair of maps that was looked at, sorted by (a, b)
-  std::vector<Judgement> judgements;  // all, sorted by id
-  std::vector<PairAudit> audits;      // of maps of lasers that saw the same, merged or taken apart; sorted by (a, b)
-  std::vector<StageTime> stages;      // wall time; not part of a sealed result
+  std::vector<Component> components;              // largest first (nodes with payload), ties by lowest member
+  std::vector<Verdict> verdicts;                  // of every pair of maps that was looked at, sorted by (a, b)
+  std::vector<Judgement> judgements;              // all, sorted by id
+  std::vector<std::vector<MapId>> reopened = {};  // members of FusionInput::merged that were not taken as they are
+  std::vector<PairAudit> audits;  // of maps of lasers that saw the same, merged or taken apart; sorted by (a, b)
+  std::vector<StageTime> stages;  // wall time; not part of a sealed result
 };
 
 // Judgements made before, by id: speed, never content.

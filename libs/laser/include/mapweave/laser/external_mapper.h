@@ -26,10 +26,10 @@ struct ExternalMapperOptions {
 };
 
 // The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the
-// map is empty. Errors: kMissing where there is no helper, kHelperFailed where it ended early ("alpha: helper
-// mrpt_mapper ended by signal 9 after 57 scans; ..."). After one, every call throws the same again. The destructor ends
-// the helper; when this process dies, however, the helper leaves by itself. Memory: here what was added (a packed scan
-// each) until finish(); the helper's is bounded by its options' memory_limit_mb.
+// map is that of the last catch_up(). Errors: kMissing where there is no helper, kHelperFailed where it ended early
+// ("alpha: helper mrpt_mapper ended by signal 9 after 57 scans; ..."). After one, every call throws the same again. The
+// destructor ends the helper; when this process dies, however, the helper leaves by itself. Memory: here what was added
+// (a packed scan each) until finish(); the helper's is bounded by its options' memory_limit_mb.
 class ExternalMapper : public LaserMapper {
  public:
   // The session's run is the stamp of the first input, the map is named after the robot.
@@ -40,25 +40,28 @@ class ExternalMapper : public LaserMapper {
 
   void add(const LaserInput&) override;
   void finish() override;
+  void catch_up() override;  // waits for the helper; costs as finish() does
   Map snapshot() const override { return map_; }
   double helper_cpu_seconds() const override { return helper_cpu_seconds_; }
 
   int helper_process() const { return process_; }  // its id; -1 once it has ended
 
  private:
+  struct Waiting {
+    Stamp stamp;
+    PackedScan scan;
+  };
   void start(const std::string& program);
   void send(std::string_view bytes);                     // and takes what comes meanwhile
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
   void send(const Stamp& stamp, std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> sensed);
   void take(const MapperOutput&);
-  int reap(int* status, int options);  // as waitpid(2); counts the processor time
-  [[noreturn]] void fail();            // the helper ended early: reaps it and says how
+  void await_poses();
+  Map map_of(std::vector<Waiting> scans) const;  // of the first scans, which have poses
+  int reap(int* status, int options);            // as waitpid(2); counts the processor time
+  [[noreturn]] void fail();                      // the helper ended early: reaps it and says how
   void end_helper();
 
-  struct Waiting {
-    Stamp stamp;
-    PackedScan scan;
-  };
   ClientId client_;
   ExternalMapperOptions options_;
   std::optional<Stamp> first_stamp_;

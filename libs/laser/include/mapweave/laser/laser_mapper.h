@@ -32,6 +32,9 @@ class LaserMapper {
   virtual void add(const LaserInput&) = 0;
   // Last loops, final refinement. Called once; no add() after.
   virtual void finish() = 0;
+  // Before finish(): makes snapshot() show what was added, for an engine that would show it at its end alone. Throws as
+  // add() does.
+  virtual void catch_up() {}
   // The map so far; before finish() an engine may begin it anew. Every scan is a node; scans that showed nothing new
   // have no payload.
   virtual Map snapshot() const = 0;

@@ -3,8 +3,8 @@
 // need not link this library and all that it uses.
 //
 //   frame := length u32 (little-endian, 1 to kMaxFrameBytes), a message of maps/mapper_messages.h in as many bytes
-//   to the helper:    EngineStart Sensed*, the last of them a StreamEnd
-//   to the program:   MapperProgress* (ScanPoses+ | Refusal)
+//   to the helper:    EngineStart (Sensed | PosesWanted)*, the last of them a StreamEnd
+//   to the program:   MapperProgress* (ScanPoses+ MapperProgress*)* (ScanPoses+ | Refusal)
 // A helper whose stream ends before that leaves at once: the program is gone.
 
 #include <mapweave/laser/mrpt_options.h>

@@ -21,7 +21,9 @@ struct EngineStart {
   std::string engine;
   std::vector<Option> options;  // all of the engine's, in their order
 };
-using MapperInput = std::variant<EngineStart, Sensed>;
+// Program -> helper: where all scans that are finished lie, as it is known now.
+struct PosesWanted {};
+using MapperInput = std::variant<EngineStart, Sensed, PosesWanted>;
 
 struct ScanPose {
   Pose2 map_from_robot;
@@ -29,8 +31,8 @@ struct ScanPose {
   bool by_wheels = false;    // measured by odometry, not by matching scans
 };
 
-// Helper -> program: how far it is; at the end all poses in the order of the scans, in as many messages as it takes, or
-// why it failed.
+// Helper -> program: how far it is; when they are wanted and at the end, the poses in the order of the scans, in as
+// many messages as it takes; or why it failed.
 struct MapperProgress {
   std::uint64_t scans = 0;  // finished
 };

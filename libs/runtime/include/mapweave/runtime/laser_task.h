@@ -40,8 +40,8 @@ class LaserTask {
   void move();
   const std::optional<Error>& trouble() const;
   std::uint64_t scans() const;
-  Map map_so_far() const;  // empty where the engine shows none before its end
-  LaserOutcome finish();   // once
+  Map map_so_far();       // empty before there is one, and where mapping failed
+  LaserOutcome finish();  // once
 
  private:
   struct State;

@@ -78,6 +78,7 @@ struct CoordinationReport {
   std::string method, at;  // "default", "cloud"
   std::vector<tiers::CoordinatorDecision> decisions;
   std::uint64_t summary_bytes = 0;  // of what it received of maps
+  double summary_s = 0.0;           // until it was there, of the slowest robot each time, summed up
   double cpu_seconds = 0.0;
   double recorded_s = 0.0;  // of data, until the last log ended
 };

@@ -156,9 +156,8 @@ struct CoordinatorEntry {
              "are as robots name "
              "them, or in turn");
     v.text("at", at,
-           "edge that runs the coordinator, named in the summary; empty: the cloud. It changes no decision, since map "
-           "summaries are "
-           "taken to arrive at once");
+           "edge that runs the coordinator; empty: the cloud. The summary says how long map summaries took to it "
+           "(summary_seconds); decisions do not wait for them");
     v.text(
         "model", model,
         "file with a latency model, as mapweave profile writes it, relative to this file; empty: the built-in model");

@@ -5,6 +5,7 @@
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/options.h>
+#include <mapweave/tiers/edge_server.h>
 #include <mapweave/transport/link_model.h>
 
 #include <nlohmann/json_fwd.hpp>
@@ -84,6 +85,7 @@ struct CloudEntry {
   std::string at;
   std::vector<std::string> push_to;
   bool edges_judge = true;
+  tiers::EdgeMapOptions maps;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("at", at,
@@ -94,6 +96,10 @@ struct CloudEntry {
            "edges compare the maps of robots on different edges, shared out evenly; false: the cloud compares them "
            "itself. The maps are "
            "the same");
+    v.flag("thin_maps", maps.thin,
+           "edges send of their robots' laser maps the scans that show each place, and all poses and constraints as "
+           "they solved them; false: they send the whole maps, which takes several times the bytes");
+    v.section("thinning", maps.thinning, "which scans edges leave out");
   }
 };
 
@@ -105,7 +111,7 @@ struct RobotWork {
   double packing_s = 0.0, mapping_s = 0.0;  // of its laser; mapping: with the unpacking of what was sensed
   double seeing_s = 0.0;                    // its cameras' clients, which run on the robot in every mode
   std::uint64_t sensed_bytes = 0, map_bytes = 0;
-  // Of what its edge had mapped, mapped again on another one, from the beginning: no part of the timeline.
+  // Of what its edge had mapped, sent to another one and mapped again there, from the beginning.
   double repeated_s = 0.0;
   std::uint64_t repeated_bytes = 0;
 };
@@ -117,6 +123,7 @@ struct EdgeWork {
   // Maps of other edges, sent to be compared with its own; the judgements that it returned.
   std::uint64_t sent_bytes = 0, judged_bytes = 0;
   double judging_s = 0.0;
+  tiers::ThinningCounts thinning = {};  // of the maps sent; without scans where they were sent as a whole, each at once
 };
 struct PushWork {
   RobotId robot;

@@ -35,8 +35,8 @@ GroupOf group_balanced(const OverlapGraph&, const std::vector<std::uint32_t>& si
 enum class RecslamSearch {
   none,     // not at all: Algorithm 1 alone
   printed,  // as the listing is printed, whose tabu list is written and never read
-  tabu      // as its text means it: swaps are tried anew in each iteration, and those in the list are passed over unless
-            // they lead to the best so far
+  tabu  // as its text means it: swaps are tried anew in each iteration, and those in the list are passed over unless
+        // they lead to the best so far
 };
 const std::vector<std::string>& recslam_search_names();  // in the order of RecslamSearch
 
@@ -48,10 +48,11 @@ struct RecslamOptions {
   int tabu_length = 10;  // tau, likewise; 0: no swap is passed over
   template <class Visitor>
   void describe(Visitor& v) {
-    v.choice("search", search,
-             {{"none", RecslamSearch::none}, {"printed", RecslamSearch::printed}, {"tabu", RecslamSearch::tabu}},
-             "how method recslam improves its first groups: none; printed: Algorithm 2 as its listing is printed, whose "
-             "tabu list is never read; tabu: Algorithm 2 as its text means it, where the list forbids swaps");
+    v.choice(
+        "search", search,
+        {{"none", RecslamSearch::none}, {"printed", RecslamSearch::printed}, {"tabu", RecslamSearch::tabu}},
+        "how method recslam improves its first groups: none; printed: Algorithm 2 as its listing is printed, whose "
+        "tabu list is never read; tabu: Algorithm 2 as its text means it, where the list forbids swaps");
     v.integer("kappa", iterations, 0, 1000000, "iterations of Algorithm 2; larger values search longer");
     v.integer("tau", tabu_length, 0, 1000000,
               "swaps that the tabu list of Algorithm 2 holds; larger values forbid the last swaps for longer");

@@ -40,6 +40,8 @@ struct Problem {
   std::vector<std::optional<double>> scans;  // by robot; none: the latency model's default
   std::map<std::pair<std::uint32_t, std::uint32_t>, RobotLink>
       links;  // robot, edge; the default link where a pair is missing
+  // By robot: the edge that has its data so far; at another one they are sent and mapped again. None: no edge has any.
+  std::vector<std::optional<std::uint32_t>> edge_of = {};
 };
 
 // Throws Error kMissing, kCorrupt (not JSON) or kBadInput (JSON that says what cannot be), naming file, key and remedy.

@@ -24,6 +24,9 @@ class CloudMerger {
   // kBadInput) for one that cannot be decoded, that does not fit what it builds on (this one, or one that waited for
   // it), or that names a map of another tier; nothing is stored of it then.
   Receipt receive(std::string_view bytes, const std::string& where);
+  // Encoded MergedMaps of an edge. Throws Error(kCorrupt) for what cannot be decoded. It counts while none of the maps
+  // comes anew (as a whole).
+  void receive_merged(std::string_view bytes, const std::string& where);
   // Every origin, in order: the sender repeats what is awaited.
   std::vector<Receipt> receipts() const;
   // What edges can judge for seal(): of the pairs that it begins with those of maps that came from two of them, shared
@@ -32,6 +35,9 @@ class CloudMerger {
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the
   // judgements among them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);
+  // After seal(), by edge: maps that it merged and that the cloud merged anew; from what it has, unless they are sent
+  // as a whole before it is asked again.
+  std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult&) const;
 
  private:
   fusion::FusionInput input() const;
@@ -40,6 +46,7 @@ class CloudMerger {
   fusion::FusionOptions options_;
   std::vector<fusion::MapPrior> priors_;
   std::map<MapId, UpdateInbox> inboxes_;
+  std::vector<MergedMaps> merged_;
   fusion::Memo memo_;
   std::shared_ptr<matching::ModelCache> models_;
 };

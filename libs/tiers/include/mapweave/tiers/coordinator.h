@@ -33,6 +33,8 @@ struct CoordinatorDecision {
   double expected_s = 0.0, staying_s = 0.0, lower_bound_s = 0.0;
   double cut_weight = 0.0, algorithm_s = 0.0;
   std::vector<scheduling::OverlapEstimator::Overlap> overlaps;  // as summaries reported them
+  std::vector<RobotId>
+      unknown;  // robots of which neither a map nor a route is known: what they share counts as nothing
 };
 
 class Coordinator {
@@ -51,6 +53,7 @@ class Coordinator {
  private:
   struct Robot {
     std::optional<std::uint64_t> scans;
+    bool is_known = false;  // its map, or its route
   };
   struct Candidate {
     std::vector<std::uint32_t> edge_of;  // by robot of the problem

@@ -27,8 +27,8 @@ class RobotSlam {
   // is ignored; a gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only Interrupted is
   // thrown.
   std::optional<RobotOutcome> step(Sensed);
-  // Empty after the outcome, and where the engine shows none before its end.
-  Map map_so_far() const { return mapper_ != nullptr && anything_ ? mapper_->snapshot() : Map(); }
+  // Empty after the outcome. An engine that failed says so with the next step.
+  Map map_so_far();
 
  private:
   std::optional<RobotOutcome> act(Sensed);
