@@ -132,6 +132,51 @@ TEST_F(PlanTest, carries_out_the_effective_configuration_as_the_first_one) {
   }
 }
 
+TEST_F(PlanTest, lets_a_robot_have_options_of_its_own) {
+  write_file(folder / "team.yaml",
+             "laser: {engine: rbpf, graph: {front_end: {submap_length_m: 5}}}\n"
+             "robots:\n"
+             "  - {id: alpha, log: a.rawlog, sensor: \"rgbd\", laser: {graph: {front_end: {submap_length_m: 3}}}}\n"
+             "  - {id: beta, log: b.rawlog}\n");
+  origins = load(configuration, {{folder / "team.yaml"}, {}, {"robots.0.laser.engine=icp"}});
+  const RunPlan made = plan();
+  const RunConfiguration& alpha = configuration_of(configuration, made.robots[0]);
+  EXPECT_EQ(alpha.sensor, "rgbd");
+  EXPECT_EQ(alpha.laser.engine, laser::Engine::icp);
+  EXPECT_EQ(alpha.laser.graph.front_end.submap_length_m, 3.0);
+  const RunConfiguration& beta = configuration_of(configuration, made.robots[1]);
+  EXPECT_EQ(&beta, &configuration);
+  EXPECT_EQ(beta.laser.graph.front_end.submap_length_m, 5.0);
+  EXPECT_EQ(beta.laser.engine, laser::Engine::rbpf);
+
+  write_file(folder / "again.yaml", to_yaml(effective(configuration, made)));
+  RunConfiguration again;
+  const Origins of_again = load(again, {{folder / "again.yaml"}, {}, {}});
+  const RunPlan second = make_plan(again, of_again);
+  EXPECT_EQ(to_yaml(configuration_of(again, second.robots[0])), to_yaml(alpha)) << "as it was carried out";
+}
+
+TEST_F(PlanTest, refuses_options_of_a_robot_alone_that_cannot_be_and_says_where_they_stand) {
+  const auto complaint_of = [&](const std::string& line) {
+    write_file(folder / "team.yaml", "robots:\n  - id: alpha\n    log: a.rawlog\n    " + line + "\n");
+    configuration = {};
+    try {
+      origins = load(configuration, {{folder / "team.yaml"}, {}, {}});
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return complaint();
+  };
+  EXPECT_THAT(complaint_of("laser: {enginge: icp}"),
+              testing::AllOf(HasSubstr("team.yaml:4"), HasSubstr("laser.enginge"), HasSubstr("laser.engine")));
+  EXPECT_THAT(complaint_of("laser: {engine: best}"), testing::AllOf(HasSubstr("team.yaml:4"), HasSubstr("'best'")));
+  EXPECT_THAT(complaint_of("sensor: sonar"), testing::AllOf(HasSubstr("team.yaml:4"), HasSubstr("'sonar'")));
+  EXPECT_THAT(complaint_of("laser: {graph: [1]}"), HasSubstr("is a list"));
+  EXPECT_THAT(complaint_of("laser: {engine: }"), HasSubstr("has no value"));
+  EXPECT_THAT(complaint_of("visual: {vocabulary: words.gz}"), HasSubstr("vocabulary of its own"));
+  EXPECT_THAT(complaint_of("fusion: {stride_m: 1}"), HasSubstr("unknown key 'fusion'"));
+}
+
 TEST(RunConfiguration, takes_options_by_the_keys_of_earlier_versions) {
   RunConfiguration configuration;
   testing::internal::CaptureStderr();

@@ -208,6 +208,8 @@ edges.0.speed 0.5; edges=[{id: edge0},{id: edge1}]
 cloud.at edge0; network.edge_cloud.delay_s=36000
 cloud.push_to [alpha]
 cloud.edges_judge false
+robots.0.laser {graph: {front_end: {submap_length_m: 3}}}
+robots.0.reading {laser_x_m: 0.3}
 cloud.thin_maps false
 cloud.thinning.cell_m 0.5
 cloud.thinning.new_share 0.5
@@ -389,6 +391,8 @@ rig.covisibility_sigma_scale 0.5
 rig.wheels_share 0.5
 """,
     "both": """
+robots.0.sensor laser
+robots.0.visual {tracking: {features: 80}}
 fusion.max_wall_conflict 0; fusion.merge_probability=1
 laser_camera_alignment.longest_gap_s 0.001
 laser_camera_alignment.extrinsic_sigma_m 0.5
@@ -470,5 +474,6 @@ TOO_LARGE = {
     "coordinator.recslam.search": "these runs have two robots, which no swap improves; test/scheduling/plan_test.cpp has thirty",
     "coordinator.recslam.kappa": "as coordinator.recslam.search; test/scheduling/grouping_test.cpp",
     "coordinator.recslam.tau": "as coordinator.recslam.search; test/scheduling/grouping_test.cpp",
+    "robots.rig": "these runs have one camera a robot; the other sections of a robot alone show the same code",
     "laser.icp.memory_limit_mb": "its least value, 200 MB, holds the points of kilometres; mrpt_mapper says where it is reached",
 }

@@ -139,7 +139,10 @@ class Loader {
   }
 
   void apply_value(const std::string& key, std::string_view value, const Layer& layer) {
-    const YamlNode node = parsed(value, layer);
+    apply_node(key, parsed(value, layer), layer);
+  }
+
+  void apply_node(const std::string& key, const YamlNode& node, const Layer& layer) {
     std::deque<OptionFields> elements;  // of the lists on the way, kept while they are looked into
     OptionFields* fields = &root_;
     std::string present;  // the key so far, as its options are called now
@@ -162,6 +165,9 @@ class Loader {
         present = joined(present, key.substr(begin, index_end - begin));
         if (index_end == key.size()) return apply_element(*fields, node, present, layer);
         begin = index_end + 1;
+      } else if (const auto* overrides = std::get_if<OptionOverrides>(&option->as)) {
+        note_origin(present, 0, layer);
+        return apply_overrides(*overrides, joined(option->name, key.substr(begin)), node, 0, layer);
       } else {
         throw unknown_key(key, layer);
       }
@@ -248,10 +254,34 @@ class Loader {
     if (node.kind == Kind::null)
       throw layer.error(key_line > 0 ? key_line : line, "'" + option.name + "' has no value", remedy_of_null(option));
     note_origin(key, key_line, layer);
+    if (auto* overrides = std::get_if<OptionOverrides>(&option.as))
+      return apply_overrides(*overrides, option.name, node, line, layer);
     if (auto* list = std::get_if<OptionList>(&option.as)) return apply_list(option, *list, node, key, line, layer);
     if (auto* texts = std::get_if<OptionTexts>(&option.as)) return apply_texts(option, *texts, node, key, line, layer);
     if (node.kind != Kind::scalar || !set_scalar(option, node, line, layer))
       throw wrong(option.name, node, line, requirement_of_type(option), layer);
+  }
+
+  // Whether values are what the options want is seen when they are put over those of all elements.
+  void apply_overrides(const OptionOverrides& overrides, const std::string& key, const YamlNode& node, int line,
+                       const Layer& layer) {
+    if (node.kind == Kind::map) {
+      for (std::size_t i = 0; i < node.items.size(); ++i)
+        apply_overrides(overrides, joined(key, node.keys[i]), node.items[i], node.key_lines[i], layer);
+      return;
+    }
+    if (node.kind == Kind::list)
+      throw layer.error(line, "'" + shown_text(key) + "' is a list", "lists are the same for all elements");
+    if (node.kind == Kind::null)
+      throw layer.error(line, "'" + shown_text(key) + "' has no value", "give it one, or leave it out");
+    OptionSetting setting{key, node.text, node.is_quoted, layer.place(line)};
+    auto& settings = *overrides.settings;
+    const auto known =
+        std::find_if(settings.begin(), settings.end(), [&](const OptionSetting& one) { return one.key == key; });
+    if (known != settings.end())
+      *known = std::move(setting);
+    else
+      settings.push_back(std::move(setting));
   }
 
   void apply_list(const Option& option, const OptionList& list, const YamlNode& node, const std::string& key, int line,
@@ -397,6 +427,17 @@ void Origins::forget_below(const std::string& key) {
   auto first = origins_.lower_bound(prefix), last = first;
   while (last != origins_.end() && last->first.compare(0, prefix.size(), prefix) == 0) ++last;
   origins_.erase(first, last);
+}
+
+void override_fields(OptionFields fields, const std::vector<OptionSetting>& settings) {
+  Loader loader(std::move(fields));
+  for (const OptionSetting& setting : settings) {
+    YamlNode node;
+    node.kind = Kind::scalar;
+    node.text = setting.value;
+    node.is_quoted = setting.is_quoted;
+    loader.apply_node(setting.key, node, {ErrorCode::kBadInput, setting.place, {}, false});
+  }
 }
 
 Origins load_fields(OptionFields fields, const ConfigurationSources& sources) {

@@ -42,7 +42,36 @@ std::string yaml_of_text(const std::string& text) {
   return quoted + '"';
 }
 
+// {graph: {min_score: 0.5}} of what begins at `depth` with `prefix`, which ends with a dot; a plain value where the
+// prefix has none.
+std::string yaml_of_overrides(const std::vector<OptionSetting>& settings, const std::string& prefix) {
+  std::vector<std::string> names;
+  for (const OptionSetting& setting : settings) {
+    if (setting.key.compare(0, prefix.size(), prefix) != 0) continue;
+    const std::string name = setting.key.substr(prefix.size(), setting.key.find('.', prefix.size()) - prefix.size());
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+  std::string text;
+  for (const std::string& name : names) {
+    const auto leaf = std::find_if(settings.begin(), settings.end(),
+                                   [&](const OptionSetting& one) { return one.key == prefix + name; });
+    text += (text.empty() ? "" : ", ") + name + ": ";
+    if (leaf == settings.end())
+      text += yaml_of_overrides(settings, prefix + name + ".");
+    else
+      text += leaf->is_quoted ? yaml_of_text(leaf->value) : leaf->value;
+  }
+  return "{" + text + "}";
+}
+
+std::string yaml_of_overrides(const Option& option, const OptionOverrides& overrides) {
+  for (const OptionSetting& setting : *overrides.settings)
+    if (setting.key == option.name) return setting.is_quoted ? yaml_of_text(setting.value) : setting.value;
+  return yaml_of_overrides(*overrides.settings, option.name + ".");
+}
+
 std::string yaml_of_scalar(const Option& option) {
+  if (const auto* overrides = std::get_if<OptionOverrides>(&option.as)) return yaml_of_overrides(option, *overrides);
   if (const auto* number = std::get_if<OptionNumber>(&option.as)) return text_of_number(*number->value);
   if (const auto* integer = std::get_if<OptionInteger>(&option.as)) return std::to_string(integer->get());
   if (const auto* flag = std::get_if<OptionFlag>(&option.as)) return *flag->value ? "true" : "false";
@@ -76,6 +105,7 @@ class Printer {
     const std::string rest_lead = in_element ? lead + "  " : lead;
     if (fields.empty() && in_element) text += own_lead + "{}\n";
     for (const auto& option : fields) {
+      if (!with_comments_ && says_nothing(option)) continue;
       comment(option, rest_lead);
       const auto* section = std::get_if<OptionSection>(&option.as);
       const auto* list = std::get_if<OptionList>(&option.as);
@@ -118,6 +148,11 @@ class Printer {
       if (section != nullptr) print_example(section->fields, rest_lead + "  ", false);
       if (list != nullptr) print_example(list->example(), rest_lead + "# ", true);
     }
+  }
+
+  static bool says_nothing(const Option& option) {
+    const auto* overrides = std::get_if<OptionOverrides>(&option.as);
+    return overrides != nullptr && yaml_of_overrides(option, *overrides) == "{}";
   }
 
   void comment(const Option& option, const std::string& lead) {

@@ -145,7 +145,9 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   std::vector<RobotId> names;
   for (const PlannedRobot& robot : plan_.robots) {
     if (robot.sensors.scans == nullptr) continue;
-    all.push_back(&tasks.emplace(robot.id, LaserTask(robot, configuration_, keep_going, true, progress)).first->second);
+    all.push_back(
+        &tasks.emplace(robot.id, LaserTask(robot, configuration_of(configuration_, robot), keep_going, true, progress))
+             .first->second);
     names.push_back(robot.id);
   }
   const std::atomic<bool> give_up{false};

@@ -157,9 +157,10 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder,
   for (auto first = trajectories.begin(), last = first; first != trajectories.end(); first = last) {
     std::deque<Revisit> cameras;
     for (; last != trajectories.end() && last->robot.log == first->robot.log; ++last)
-      cameras.emplace_back(*last, configuration);
+      cameras.emplace_back(*last, configuration_of(configuration, last->robot));
     try {
-      revisit(first->robot, cameras, configuration.reading, progress, [&](const Revisit::Seen& seen) {
+      const rawlog::ReadOptions& reading = configuration_of(configuration, first->robot).reading;
+      revisit(first->robot, cameras, reading, progress, [&](const Revisit::Seen& seen) {
         if (output.ply) cloud.add(seen.points_in_map);
         if (output.octomap) octomap.add(seen.camera_in_map, seen.points_in_map);
         pictures += seen.points_in_map.empty() ? 0 : 1;

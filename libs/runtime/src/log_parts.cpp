@@ -59,12 +59,12 @@ const Node& end_node(const Map& map, bool is_last) {
 
 }  // namespace
 
-void divide_logs(RunPlan& plan, const rawlog::ReadOptions& reading, WorkerPool& pool) {
+void divide_logs(RunPlan& plan, const RunConfiguration& configuration, WorkerPool& pool) {
   pool.for_each(plan.robots.size(), [&](std::size_t i) {
     PlannedRobot& robot = plan.robots[i];
     if (!robot.part || robot.trouble) return;
     try {
-      divide(robot, reading);
+      divide(robot, configuration_of(configuration, robot).reading);
     } catch (const Error& error) {
       robot.trouble = error;
     }

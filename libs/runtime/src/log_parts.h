@@ -14,7 +14,7 @@ namespace mapweave::runtime {
 
 // Chooses where the parts of logs begin and end: parts of equal duration, from the first record to the last. Their
 // sensors are chosen. A log that cannot be read, or that cannot be divided since its robot has cameras, is trouble.
-void divide_logs(RunPlan&, const rawlog::ReadOptions&, WorkerPool&);
+void divide_logs(RunPlan&, const RunConfiguration&, WorkerPool&);
 
 // The records of the part alone.
 std::unique_ptr<rawlog::ObservationStream> part_of(std::unique_ptr<rawlog::ObservationStream>, const LogPart&);

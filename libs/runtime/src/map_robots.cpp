@@ -26,7 +26,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   std::map<RobotId, LaserOutcome> lasers;
   try {
     choose_sensors(plan, configuration, pool);
-    divide_logs(plan, configuration.reading, pool);
+    divide_logs(plan, configuration, pool);
     if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
     if (configuration.server.share != tiers::Sharing::none)
       shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
@@ -41,7 +41,9 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
       if (laser != lasers.end()) mapped.laser = std::move(laser->second);
       if (cameras != shared.end()) mapped.cameras = std::move(cameras->second);
       RobotResult result =
-          map_robot(plan.robots[i], {configuration, keep_going, ends.saves_part, give_up, progress}, std::move(mapped));
+          map_robot(plan.robots[i],
+                    {configuration_of(configuration, plan.robots[i]), keep_going, ends.saves_part, give_up, progress},
+                    std::move(mapped));
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
     } catch (const Interrupted&) {

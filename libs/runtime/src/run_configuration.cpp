@@ -227,6 +227,23 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
 
 TierId cloud_tier() { return TierId("cloud"); }
 
+namespace {
+
+// Null where the entry says nothing for its robot alone.
+std::shared_ptr<const RunConfiguration> own_configuration(const RunConfiguration& configuration,
+                                                          const RobotEntry& robot) {
+  if (robot.own.empty()) return nullptr;
+  for (const OptionSetting& setting : robot.own)
+    if (setting.key == "visual.vocabulary")
+      throw Error(ErrorCode::kBadInput, "robot '" + name_of(robot) + "' has a vocabulary of its own", setting.place,
+                  "cameras of a team share their words: set visual.vocabulary for all");
+  auto own = std::make_shared<RunConfiguration>(configuration);
+  override_options(*own, robot.own);
+  return own;
+}
+
+}  // namespace
+
 RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins) {
   if (configuration.robots.empty())
     throw Error(ErrorCode::kBadInput, "no robots", origins.place_of("robots"),
@@ -251,16 +268,23 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
     const std::filesystem::path log =
         std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();
     expect_log(log, origins.place_of(log_key), !origins.file_of(log_key).empty());
+    const auto own = own_configuration(configuration, robot);
     if (robot.edges.size() < 2) {
       plan.robots.push_back({RobotId(id), TierId(robot.edges.empty() ? robot.edge : robot.edges.front()), log});
+      plan.robots.back().configuration = own;
       continue;
     }
     for (std::size_t part = 1; part <= robot.edges.size(); ++part) {
       const std::string name = id + "." + std::to_string(part);
       expect_name(name, "robot", where);
       parts.insert(name);
-      plan.robots.push_back(
-          {RobotId(name), TierId(robot.edges[part - 1]), log, {}, {}, LogPart{RobotId(id), part, robot.edges.size()}});
+      plan.robots.push_back({RobotId(name),
+                             TierId(robot.edges[part - 1]),
+                             log,
+                             {},
+                             {},
+                             LogPart{RobotId(id), part, robot.edges.size()},
+                             own});
     }
   }
   for (const std::string& part : parts)

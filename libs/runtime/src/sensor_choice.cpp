@@ -127,7 +127,7 @@ void choose_sensors(RunPlan& plan, const RunConfiguration& configuration, Worker
   pool.for_each(plan.robots.size(), [&](std::size_t i) {
     PlannedRobot& robot = plan.robots[i];
     try {
-      robot.sensors = choose(robot.log, configuration);
+      robot.sensors = choose(robot.log, configuration_of(configuration, robot));
     } catch (const Error& error) {
       robot.trouble = error;
     }

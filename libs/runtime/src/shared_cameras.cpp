@@ -107,7 +107,8 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
     std::deque<Member> members;
     for (const PlannedRobot& robot : plan.robots) {
       if (robot.edge == edge && !robot.sensors.cameras.empty())
-        members.push_back({robot.id, CameraTask(robot, configuration, keep_going, progress), {}});
+        members.push_back(
+            {robot.id, CameraTask(robot, configuration_of(configuration, robot), keep_going, progress), {}});
     }
     drive(members, configuration, edge, pool);
     std::vector<CamerasOutcome> finished =

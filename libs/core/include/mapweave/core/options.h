@@ -62,6 +62,15 @@ struct OptionChoice {
 struct OptionSection {
   OptionFields fields;
 };
+// A value of an option of the whole struct, said again for one element of a list.
+struct OptionSetting {
+  std::string key, value;  // "laser.graph.min_score"; a scalar of YAML
+  bool is_quoted = false;
+  std::string place;  // where it was given
+};
+struct OptionOverrides {
+  std::vector<OptionSetting>* settings;  // those whose key begins with the option's name are its
+};
 struct OptionList {
   std::function<std::size_t()> size;
   std::function<void(std::size_t)> resize;           // new elements have their defaults
@@ -71,7 +80,7 @@ struct OptionList {
 struct Option {
   std::string name, doc;
   std::variant<OptionNumber, OptionInteger, OptionFlag, OptionText, OptionTexts, OptionChoice, OptionSection,
-               OptionList>
+               OptionOverrides, OptionList>
       as;
 };
 
@@ -101,6 +110,11 @@ class OptionVisitor {
   void text(std::string_view name, std::string& value, std::string_view doc) { add(name, doc, OptionText{&value}); }
   void texts(std::string_view name, std::vector<std::string>& values, std::string_view doc) {
     add(name, doc, OptionTexts{&values});
+  }
+  // In an element of a list: a section or an option of the outermost struct, under its own name, to be said again for
+  // this element alone. Several may share `settings`, which override_options() puts over a copy.
+  void overrides(std::string_view name, std::vector<OptionSetting>& settings, std::string_view doc) {
+    add(name, doc, OptionOverrides{&settings});
   }
   template <class Enum>
   void choice(std::string_view name, Enum& value,
@@ -190,6 +204,7 @@ class Origins {
 
 // Untyped forms of the functions below.
 Origins load_fields(OptionFields fields, const ConfigurationSources&);
+void override_fields(OptionFields fields, const std::vector<OptionSetting>&);
 void check_fields(const OptionFields&);
 std::string yaml_of_fields(const OptionFields&);
 std::string reference_of_fields(const OptionFields&, std::string_view title);
@@ -203,6 +218,12 @@ Origins load(Options& options, const ConfigurationSources& sources) {
   Origins origins = load_fields(fields_of(loaded), sources);
   options = std::move(loaded);
   return origins;
+}
+
+// Puts what one element says over what all have. Throws Error kBadInput, as load() does, naming where it was said.
+template <class Options>
+void override_options(Options& options, const std::vector<OptionSetting>& settings) {
+  override_fields(fields_of(options), settings);
 }
 
 // Throws Error kBadInput when a value is out of its range: for options that were set in code.

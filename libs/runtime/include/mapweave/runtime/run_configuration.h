@@ -21,6 +21,7 @@
 #include <mapweave/visual/client_options.h>
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -66,6 +67,7 @@ struct RobotEntry {
   std::vector<RoutePoint> route = {};
   StartPose start = {};
   std::vector<std::string> edges = {};
+  std::vector<OptionSetting> own = {};  // put over what all robots have
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
@@ -86,6 +88,11 @@ struct RobotEntry {
            "is a map");
     v.section("start", start,
               "pose where the robot began, if it is known: a prior for merging its map, which walls may contradict");
+    v.overrides("sensor", own, "for this robot alone: what the option sensor says for all");
+    v.overrides("reading", own, "for this robot alone: options of the section reading");
+    v.overrides("laser", own, "for this robot alone: options of the section laser, as {engine: icp}");
+    v.overrides("visual", own, "for this robot alone: options of the section visual; the vocabulary is the team's");
+    v.overrides("rig", own, "for this robot alone: options of the section rig");
   }
 };
 
@@ -303,8 +310,13 @@ struct PlannedRobot {
   ChosenSensors sensors = {};         // by choose_sensors()
   std::optional<Error> trouble = {};  // why none could be chosen
   std::optional<LogPart> part = {};
+  std::shared_ptr<const RunConfiguration> configuration = {};  // with what its entry says for it alone; null: nothing
   const RobotId& robot() const { return part ? part->robot : id; }  // as the configuration calls it
 };
+// By which a robot maps.
+inline const RunConfiguration& configuration_of(const RunConfiguration& all, const PlannedRobot& robot) {
+  return robot.configuration ? *robot.configuration : all;
+}
 struct RunPlan {
   std::vector<PlannedRobot>
       robots;  // by id, a part of a log each where several edges map a robot; without a coordinator each has an edge
