@@ -123,6 +123,7 @@ void ExternalMapper::add(const LaserInput& input) {
 
 void ExternalMapper::finish() {
   MAPWEAVE_EXPECT(!finished_, "finish() is called once");
+  is_done_ = false;
   send({}, StreamEnd{});
   await_poses();
   if (poses_.size() != scans_.size()) {
@@ -139,6 +140,7 @@ void ExternalMapper::finish() {
 
 void ExternalMapper::catch_up() {
   if (finished_) return;
+  is_done_ = false;
   send(protocol::framed(MapperInput(PosesWanted{})));
   await_poses();
   // Scans that wait for odometry have no pose yet.
@@ -147,7 +149,6 @@ void ExternalMapper::catch_up() {
 }
 
 void ExternalMapper::await_poses() {
-  is_done_ = false;
   std::string_view nothing;
   while (!is_done_)
     if (!exchange(nothing, true)) fail();
