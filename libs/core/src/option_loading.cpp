@@ -124,6 +124,33 @@ std::vector<std::string> keys_named_alike(std::string_view name, const std::vect
   return found;
 }
 
+// Whether values are what the options want is seen when they are put over those of all elements.
+void put(const OptionOverrides& overrides, const std::string& key, const YamlNode& node, int line, const Layer& layer) {
+  if (node.kind == Kind::map) {
+    for (std::size_t i = 0; i < node.items.size(); ++i)
+      put(overrides, joined(key, node.keys[i]), node.items[i], node.key_lines[i], layer);
+    return;
+  }
+  if (node.kind == Kind::list)
+    throw layer.error(line, "'" + shown_text(key) + "' is a list", "lists are the same for all elements");
+  if (node.kind == Kind::null)
+    throw layer.error(line, "'" + shown_text(key) + "' has no value", "give it one, or leave it out");
+  OptionSetting setting{key, node.text, node.is_quoted, layer.place(line)};
+  auto& settings = *overrides.settings;
+  const auto known =
+      std::find_if(settings.begin(), settings.end(), [&](const OptionSetting& one) { return one.key == key; });
+  if (known != settings.end())
+    *known = std::move(setting);
+  else
+    settings.push_back(std::move(setting));
+}
+
+bool is_not_finite(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), small_letter);
+  while (!text.empty() && (text.front() == '+' || text.front() == '-' || text.front() == '.')) text.erase(0, 1);
+  return text == "nan" || text == "inf" || text == "infinity";
+}
+
 class Loader {
  public:
   explicit Loader(OptionFields fields) : root_(std::move(fields)) {}
@@ -167,7 +194,7 @@ class Loader {
         begin = index_end + 1;
       } else if (const auto* overrides = std::get_if<OptionOverrides>(&option->as)) {
         note_origin(present, 0, layer);
-        return apply_overrides(*overrides, joined(option->name, key.substr(begin)), node, 0, layer);
+        return put(*overrides, joined(option->name, key.substr(begin)), node, 0, layer);
       } else {
         throw unknown_key(key, layer);
       }
@@ -255,33 +282,11 @@ class Loader {
       throw layer.error(key_line > 0 ? key_line : line, "'" + option.name + "' has no value", remedy_of_null(option));
     note_origin(key, key_line, layer);
     if (auto* overrides = std::get_if<OptionOverrides>(&option.as))
-      return apply_overrides(*overrides, option.name, node, line, layer);
+      return put(*overrides, option.name, node, line, layer);
     if (auto* list = std::get_if<OptionList>(&option.as)) return apply_list(option, *list, node, key, line, layer);
     if (auto* texts = std::get_if<OptionTexts>(&option.as)) return apply_texts(option, *texts, node, key, line, layer);
     if (node.kind != Kind::scalar || !set_scalar(option, node, line, layer))
       throw wrong(option.name, node, line, requirement_of_type(option), layer);
-  }
-
-  // Whether values are what the options want is seen when they are put over those of all elements.
-  void apply_overrides(const OptionOverrides& overrides, const std::string& key, const YamlNode& node, int line,
-                       const Layer& layer) {
-    if (node.kind == Kind::map) {
-      for (std::size_t i = 0; i < node.items.size(); ++i)
-        apply_overrides(overrides, joined(key, node.keys[i]), node.items[i], node.key_lines[i], layer);
-      return;
-    }
-    if (node.kind == Kind::list)
-      throw layer.error(line, "'" + shown_text(key) + "' is a list", "lists are the same for all elements");
-    if (node.kind == Kind::null)
-      throw layer.error(line, "'" + shown_text(key) + "' has no value", "give it one, or leave it out");
-    OptionSetting setting{key, node.text, node.is_quoted, layer.place(line)};
-    auto& settings = *overrides.settings;
-    const auto known =
-        std::find_if(settings.begin(), settings.end(), [&](const OptionSetting& one) { return one.key == key; });
-    if (known != settings.end())
-      *known = std::move(setting);
-    else
-      settings.push_back(std::move(setting));
   }
 
   void apply_list(const Option& option, const OptionList& list, const YamlNode& node, const std::string& key, int line,
@@ -350,12 +355,6 @@ class Loader {
     if (problem != std::errc() || !is_in_range(number, value)) throw out_of_range();
     *number.value = value;
     return true;
-  }
-
-  static bool is_not_finite(std::string text) {
-    std::transform(text.begin(), text.end(), text.begin(), small_letter);
-    while (!text.empty() && (text.front() == '+' || text.front() == '-' || text.front() == '.')) text.erase(0, 1);
-    return text == "nan" || text == "inf" || text == "infinity";
   }
 
   static std::string requirement_of_type(const Option& option) {
