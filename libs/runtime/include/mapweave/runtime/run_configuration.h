@@ -268,7 +268,7 @@ struct RunConfiguration {
     v.choice("mode", mode, {{"offload", Mode::offload}, {"onboard", Mode::onboard}, {"cloud-only", Mode::cloud_only}},
              "who maps and who merges; offload: edges map what robots sensed, and merge; onboard: robots map, edges "
              "merge; cloud-only: "
-             "robots map, the cloud merges alone. The maps are the same");
+             "robots map, the cloud merges alone. The maps are the same but for millimetres");
     v.section("network", network,
               "simulated network links between the tiers, in virtual time: no run waits for them, and summary.json "
               "says when everything "
