@@ -7,6 +7,7 @@ namespace {
 // reports.
 constexpr std::uint32_t kVersion = 6, kSweepVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
+constexpr std::size_t kMostMergedBytes = std::size_t{1} << 30;  // of what holds the constraints of a team, as an update
 
 std::uint32_t version_of(const form::Exchange& form) {
   switch (form.content_case()) {
@@ -35,8 +36,9 @@ std::string written(form::Exchange& form, const SessionTable& sessions) {
 
 form::Exchange read_exchange(std::string_view bytes, FormReader& reader, const std::string& where,
                              std::optional<form::Exchange::ContentCase> content) {
-  if (bytes.size() > kMostBytes)
-    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) +
+  const std::size_t most = content == form::Exchange::kMergedMaps ? kMostMergedBytes : kMostBytes;
+  if (bytes.size() > most)
+    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(most) +
                    " are expected");
   form::Exchange form;
   if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
