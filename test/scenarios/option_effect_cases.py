@@ -209,7 +209,7 @@ cloud.at edge0; network.edge_cloud.delay_s=36000
 cloud.push_to [alpha]
 cloud.edges_judge false
 robots.0.laser {graph: {front_end: {submap_length_m: 3}}}
-robots.0.reading {laser_x_m: 0.3}
+robots.0.reading {max_object_mb: 0.0001}
 cloud.thin_maps false
 cloud.thinning.cell_m 0.5
 cloud.thinning.new_share 0.5
