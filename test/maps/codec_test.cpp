@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
+#include <mapweave/maps/in_floats.h>
 #include <support/random_map.h>
 
+#include <Eigen/Eigenvalues>
 #include <cstring>
 #include <functional>
 #include <set>
@@ -91,6 +93,33 @@ TEST(Codec, keeps_the_sign_of_zero_and_the_smallest_numbers) {
                                      std::numeric_limits<double>::max()};
   const MapUpdate again = decode_map_update(encode(update), "here");
   EXPECT_EQ(std::memcmp(again.nodes[0].map_from_node.t.data(), update.nodes[0].map_from_node.t.data(), 24), 0);
+}
+
+TEST(Codec, writes_floats_where_they_say_the_same) {
+  MapUpdate update = some_update(5, 40);
+  const auto bytes_with = [&](bool in_floats) {
+    update.in_floats = in_floats;
+    return encode(update);
+  };
+  EXPECT_EQ(bytes_with(true).size(), bytes_with(false).size()) << "random doubles are no floats";
+  for (Node& node : update.nodes) node.map_from_node = in_floats(node.map_from_node);
+  for (Constraint& constraint : update.constraints)
+    constraint = planar_constraint(constraint.id, in_floats(planar(constraint.from_from_to.pose)),
+                                   in_floats(Eigen::Matrix3d::Identity() * 7.3));
+  const std::string whole = bytes_with(false), rounded = bytes_with(true);
+  EXPECT_LT(rounded.size() + 20 * update.nodes.size() + 40 * update.constraints.size(), whole.size());
+  EXPECT_EQ(encode(decode_map_update(rounded, "here")), whole) << "the same numbers, bit for bit";
+}
+
+TEST(InFloats, information_stays_without_a_negative_direction) {
+  RandomMaps random(9);
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector3d pull(random.uniform(-1e3, 1e3), random.uniform(-1e-2, 1e-2), random.uniform(-30, 30));
+    const Eigen::Matrix3d rounded = in_floats(Eigen::Matrix3d(pull * pull.transpose()));  // of rank one
+    const Eigen::Vector3d weights = rounded.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::Matrix3d even = weights.asDiagonal() * rounded * weights.asDiagonal();
+    EXPECT_GE(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(even).eigenvalues().minCoeff(), 0.0);
+  }
 }
 
 TEST(Codec, gives_judgements_and_verdicts_back) {

@@ -10,7 +10,7 @@ namespace {
 using google::protobuf::MessageLite;
 
 constexpr std::uint32_t kVersion =
-    5;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points, 4 no sweeps
+    7;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points, 4 no sweeps, 5 no floats
 constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
@@ -55,7 +55,9 @@ void append_varint(std::string& bytes, std::uint64_t number) {
   bytes.push_back(static_cast<char>(number));
 }
 
-void append_field(std::string& bytes, Field field, const MessageLite& message) {
+template <class Form>
+void append_field(std::string& bytes, Field field, Form&& message, bool in_floats = false) {
+  if (in_floats) shorten(message);
   const std::size_t size = message.ByteSizeLong();
   MAPWEAVE_EXPECT(field == kNodes || size <= kMostFieldBytes, "an element of an update stays under 4 MiB");
   MAPWEAVE_EXPECT(bytes.size() + size + 16 <= kMostBytes, "an update stays under 1 GiB: send it in parts");
@@ -103,6 +105,7 @@ std::uint32_t version_of(const MapUpdate& update) {
     }
   const bool has_landmarks =
       !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
+  if (update.in_floats) return 7;
   if (has_sweeps) return 5;
   if (has_dense) return 4;
   if (!update.borrowed.empty()) return 3;
@@ -239,9 +242,9 @@ std::string encode(const MapUpdate& update) {
   for_each_list(update, [&](Field field, const auto& list) {
     for (const auto& element : list) {
       if constexpr (std::is_same_v<std::decay_t<decltype(element)>, Node>)
-        append_field(bytes, field, form_of(element, sessions, geometries));
+        append_field(bytes, field, form_of(element, sessions, geometries), update.in_floats);
       else
-        append_field(bytes, field, form_of(element, sessions));
+        append_field(bytes, field, form_of(element, sessions), update.in_floats);
     }
   });
   return bytes;

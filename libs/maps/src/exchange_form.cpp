@@ -4,8 +4,9 @@ namespace mapweave {
 namespace {
 
 // 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units, 5 nothing of tiers but
-// reports.
-constexpr std::uint32_t kVersion = 6, kSweepVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
+// reports, 6 no floats.
+constexpr std::uint32_t kVersion = 7, kTierVersion = 6, kSweepVersion = 5, kReportVersion = 4, kSensedVersion = 3,
+                        kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr std::size_t kMostMergedBytes = std::size_t{1} << 30;  // of what holds the constraints of a team, as an update
 
@@ -22,7 +23,8 @@ std::uint32_t version_of(const form::Exchange& form) {
       return sweeps || form.sensed().has_inertial_yaw_rad() ? kSweepVersion : kSensedVersion;
     }
     case form::Exchange::kMapReport: return kReportVersion;
-    default: return kVersion;
+    case form::Exchange::kMergedMaps: return kVersion;
+    default: return kTierVersion;
   }
 }
 

@@ -71,6 +71,14 @@ form::SharedLandmark form_of(const DescribedLandmark&, const SessionTable&);
 form::Pose form_of(const Pose3&);
 form::Keyframe form_of(const KeyframeFeatures&, const Geometries&);
 
+// Writes floats in place of what they hold exactly (form 7); everything else has none.
+void shorten(form::Node&);
+void shorten(form::MovedNode&);
+void shorten(form::Submap&);
+void shorten(form::Constraint&);
+template <class Form>
+void shorten(Form&) {}
+
 // Reads what was parsed from bytes that nobody vouches for. Everything it returns is sound (soundness.h).
 class FormReader {
  public:
@@ -107,6 +115,8 @@ class FormReader {
   void require_sound(const Value& value) const;
   Sim3 similarity(const form::Similarity&) const;
   Eigen::Matrix<double, 6, 6> matrix(const form::Matrix6&) const;
+  template <class Numbers>
+  Eigen::Matrix<double, 6, 6> matrix_of(const Numbers&) const;
   Alignment alignment(const form::Alignment&) const;
   std::shared_ptr<const Payload> payload(const form::Node&) const;
   OccupancyGrid grid(const form::Grid&) const;

@@ -143,7 +143,11 @@ std::string encode(const MergedMaps& merged) {
   }
   for (const MatchedSubmaps& match : merged.matches) fill(*content.add_matches(), match, sessions);
   for (const Judgement& judgement : merged.judgements) *content.add_judgements() = form_of(judgement, sessions);
-  for (const Constraint& constraint : merged.constraints) *content.add_constraints() = form_of(constraint, sessions);
+  for (const Constraint& constraint : merged.constraints) {
+    form::Constraint line = form_of(constraint, sessions);
+    shorten(line);
+    *content.add_constraints() = std::move(line);
+  }
   return written(form, sessions);
 }
 

@@ -88,6 +88,12 @@ Hash FormReader::hash(const std::string& bytes) const {
 
 Pose3 FormReader::pose(const form::Pose& form) const {
   Pose3 pose;
+  if (form.planar_size() == 3) {
+    pose = spatial(Pose2{form.planar(0), form.planar(1), form.planar(2)});
+    require_sound(pose);
+    return pose;
+  }
+  if (form.planar_size() != 0) corrupt("a planar pose of " + std::to_string(form.planar_size()) + " numbers");
   pose.t = {form.x(), form.y(), form.z()};
   pose.q = Eigen::Quaterniond(form.qw(), form.qx(), form.qy(), form.qz());
   require_sound(pose);
@@ -100,22 +106,29 @@ Sim3 FormReader::similarity(const form::Similarity& form) const {
 }
 
 Eigen::Matrix<double, 6, 6> FormReader::matrix(const form::Matrix6& form) const {
+  if (form.floats_size() == 0) return matrix_of(form.numbers());
+  if (form.numbers_size() != 0) corrupt("a matrix has its numbers twice");
+  return matrix_of(form.floats());
+}
+
+template <class Numbers>
+Eigen::Matrix<double, 6, 6> FormReader::matrix_of(const Numbers& numbers) const {
   Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
   int next = 0;
-  if (form.numbers_size() == 36) {
+  if (numbers.size() == 36) {
     for (int row = 0; row < 6; ++row)
-      for (int column = 0; column < 6; ++column) matrix(row, column) = form.numbers(next++);
-  } else if (form.numbers_size() == 21) {
+      for (int column = 0; column < 6; ++column) matrix(row, column) = numbers[next++];
+  } else if (numbers.size() == 21) {
     for (int row = 0; row < 6; ++row)
-      for (int column = row; column < 6; ++column) matrix(row, column) = matrix(column, row) = form.numbers(next++);
-  } else if (form.numbers_size() == 6) {
+      for (int column = row; column < 6; ++column) matrix(row, column) = matrix(column, row) = numbers[next++];
+  } else if (numbers.size() == 6) {
     for (int row = 0; row < 3; ++row)
       for (int column = row; column < 3; ++column) {
-        const double number = form.numbers(next++);
+        const double number = numbers[next++];
         matrix(kPlanarAxes[row], kPlanarAxes[column]) = matrix(kPlanarAxes[column], kPlanarAxes[row]) = number;
       }
   } else {
-    corrupt("a matrix of " + std::to_string(form.numbers_size()) + " numbers; 6, 21 or 36 are expected");
+    corrupt("a matrix of " + std::to_string(numbers.size()) + " numbers; 6, 21 or 36 are expected");
   }
   return matrix;
 }

@@ -3,6 +3,8 @@
 #include "form.h"
 #include "sameness.h"
 
+#include <mapweave/maps/in_floats.h>
+
 namespace mapweave {
 namespace {
 
@@ -38,6 +40,22 @@ void fill(form::Matrix6& form, const Eigen::Matrix<double, 6, 6>& matrix) {
     for (int row = 0; row < 3; ++row)
       for (int column = row; column < 3; ++column) form.add_numbers(matrix(kPlanarAxes[row], kPlanarAxes[column]));
   }
+}
+
+void shorten(form::Pose& form) {
+  const Pose3 pose{{form.x(), form.y(), form.z()}, {form.qw(), form.qx(), form.qy(), form.qz()}};
+  const Pose2 rounded = in_floats(planar(pose));
+  if (!same(spatial(rounded), pose)) return;
+  form::Pose shorter;
+  for (const double number : {rounded.x, rounded.y, rounded.phi}) shorter.add_planar(static_cast<float>(number));
+  if (shorter.ByteSizeLong() < form.ByteSizeLong()) form = shorter;
+}
+
+void shorten(form::Matrix6& form) {
+  const auto is_float = [](double number) { return same(static_cast<double>(static_cast<float>(number)), number); };
+  if (!std::all_of(form.numbers().begin(), form.numbers().end(), is_float)) return;
+  for (const double number : form.numbers()) form.add_floats(static_cast<float>(number));
+  form.clear_numbers();
 }
 
 void fill(form::Alignment& form, const Alignment& alignment) {
@@ -236,6 +254,16 @@ form::Constraint form_of(const Constraint& constraint, const SessionTable& sessi
   fill(*form.mutable_information(), constraint.information);
   if (constraint.because) form.set_because(bytes_of(*constraint.because));
   return form;
+}
+
+void shorten(form::Node& node) { shorten(*node.mutable_map_from_node()); }
+void shorten(form::MovedNode& moved) { shorten(*moved.mutable_map_from_node()); }
+void shorten(form::Submap& submap) {
+  for (auto& member : *submap.mutable_members()) shorten(*member.mutable_submap_from_node());
+}
+void shorten(form::Constraint& constraint) {
+  shorten(*constraint.mutable_from_from_to()->mutable_pose());
+  shorten(*constraint.mutable_information());
 }
 
 form::Judgement form_of(const Judgement& judgement, const SessionTable& sessions) {

@@ -19,10 +19,11 @@ fusion::FirstPair as_judged(const PairToJudge& sent) {
 
 }  // namespace
 
-std::string first_update(const Map& map, const TierId& from, std::uint64_t sequence) {
+std::string first_update(const Map& map, const TierId& from, std::uint64_t sequence, bool in_floats) {
   MapUpdate update = difference(Map{}, map);
   update.origin = {from, map.id};
   update.sequence = sequence;
+  update.in_floats = in_floats;
   return encode(update);
 }
 
@@ -59,6 +60,7 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   for (const auto& [id, map] : maps_) input.maps.push_back(map);
   fusion::Memo memo;
   result_ = fusion::fuse(input, options_, memo, pool, progress);
+  models_->clear();  // the next who needs memory is the cloud
 
   if (sent_options_.thin) send_thinned(effects);
   for (std::string& update : updates_of(result_.judgements)) effects.for_cloud.push_back(std::move(update));
@@ -80,7 +82,7 @@ void EdgeServer::send_thinned(Effects& effects) {
     thinning_.kept += sent.kept;
     thinning_.walls_left_out = std::max(thinning_.walls_left_out, sent.walls_left_out);
     for (Map& map : sent.maps) {
-      effects.for_cloud.push_back(first_update(map, edge_));
+      effects.for_cloud.push_back(first_update(map, edge_, 1, true));
       const MapId id = map.id;
       thinned_.set(id, std::move(map));
     }

@@ -81,7 +81,8 @@ def measure(bench, log, robots):
     first = None
     for what, some, threads in (("1", maps, 1), ("turned order", maps[1:] + maps[:1], 1), ("other order", maps[::-1], 2), ("3 threads", maps, 3), ("4 threads", maps, 4)):
         out = bench.scratch(f"names-{log}-bytes")
-        bench.merge(some, out, "--set", "output.pgm=true", threads=threads)
+        # Without --frame the first file gives it.
+        bench.merge(some, out, "--set", "output.pgm=true", "--frame", names[0], threads=threads)
         now = outputs(out)
         first = first or now
         if what != "1":

@@ -2,6 +2,7 @@
 
 #include <mapweave/fusion/thinning.h>
 #include <mapweave/maps/alignment.h>
+#include <mapweave/maps/in_floats.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -78,8 +79,8 @@ class SummedConstraints {
       const Pose2 now = between(pose_of(id.from), pose_of(id.to));
       const Eigen::Matrix3d damped = sum.information + 1e-6 * Eigen::Matrix3d::Identity();
       const Eigen::Vector3d off = damped.ldlt().solve(sum.pull);
-      constraints.push_back(planar_constraint(id, compose(now, inverse(Pose2{off.x(), off.y(), off.z()})),
-                                              0.5 * (sum.information + sum.information.transpose())));
+      const Pose2 measured = compose(now, inverse(Pose2{off.x(), off.y(), off.z()}));
+      constraints.push_back(planar_constraint(id, in_floats(measured), in_floats(sum.information)));
     }
     return constraints;
   }
@@ -121,7 +122,7 @@ Map without_others(const Map& own, const Map& team, const Pose3& own_from_team, 
   map.nodes.reserve(own.nodes.size());
   for (const auto& [id, node] : own.nodes) {
     Node sent = node;
-    sent.map_from_node = spatial(planar(compose(own_from_team, team.nodes.find(id)->map_from_node)));
+    sent.map_from_node = in_floats(compose(own_from_team, team.nodes.find(id)->map_from_node));
     if (kept.count(id) == 0) sent.payload = nullptr;
     map.nodes.set(id, std::move(sent));
   }
@@ -131,6 +132,7 @@ Map without_others(const Map& own, const Map& team, const Pose3& own_from_team, 
     nodes.erase(
         std::remove_if(nodes.begin(), nodes.end(), [&](const auto& node) { return kept.count(node.first) == 0; }),
         nodes.end());
+    for (auto& member : nodes) member.second = in_floats(member.second);
     if (sent.frozen) sent.content = content_hash(sent, map.nodes);
     map.submaps.set(id, std::move(sent));
   }

@@ -69,7 +69,7 @@ struct FusionOptions {
   double merge_probability = 0.95;
   double max_wall_conflict = 0.15;
   double max_rival = 0.3;
-  int cache_mb = 128;
+  int cache_mb = 512;
   matching::JudgeOptions judge;
   matching::RematchOptions rematch;
   graph::SolveOptions solve;

@@ -41,6 +41,9 @@ struct MapUpdate {
   // Landmarks of other maps that this map's keyframes saw: new sightings, no points. Not part of the Map: whoever knows
   // both maps joins them.
   std::vector<LandmarkChange> borrowed;
+  // Planar poses and constraints that floats hold exactly are written as floats (form 7): for maps whose numbers were
+  // rounded to them. Not part of the Map, and not told by decode.
+  bool in_floats = false;
 };
 
 // newer = updated(older, difference(older, newer)), bit for bit; difference(Map{}, map) is the whole map. Origin's

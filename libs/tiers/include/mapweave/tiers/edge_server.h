@@ -17,7 +17,8 @@
 namespace mapweave::tiers {
 
 // A map with all it holds as its tier's first update, encoded; with a higher number it takes the place of those before.
-std::string first_update(const Map&, const TierId& from, std::uint64_t sequence = 1);
+// in_floats: as MapUpdate::in_floats.
+std::string first_update(const Map&, const TierId& from, std::uint64_t sequence = 1, bool in_floats = false);
 
 // What a robot that maps on board sends when its recording has ended: its maps, each as a first update, encoded.
 struct RobotUpdates {
