@@ -71,6 +71,7 @@ ExitCode print_timeline(const Arguments& arguments) {
     std::printf("edge  %-16s ready  %8.3f  fused   %8.3f  arrived %7.3f\n", edge.id.str().c_str(), edge.ready_s,
                 edge.fused_s, edge.arrived_s);
   std::printf("all   %.3f\n", line.total_s);
+  if (line.rounds) std::printf("%s", in_words(*line.rounds, work.rounds.size()).c_str());
   for (const auto& push : line.pushes)
     std::printf("robot %-16s has it at %.3f\n", push.robot.str().c_str(), push.arrived_s);
   return ExitCode::done;

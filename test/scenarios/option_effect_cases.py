@@ -214,6 +214,9 @@ cloud.thin_maps false
 cloud.thinning.cell_m 0.5
 cloud.thinning.new_share 0.5
 cloud.thinning.sightings 3
+cloud.rounds.period_s 5
+cloud.rounds.new_area_m2 20
+cloud.rounds.pictures 1; cloud.rounds.period_s=5
 mode cloud-only
 team.frame beta
 coordinator.method greedy

@@ -138,6 +138,7 @@ class TeamRun {
     return std::any_of(outcomes_.begin(), outcomes_.end(), [](const auto& outcome) { return outcome.map.has_value(); });
   }
   void take(std::vector<std::optional<RobotResult>> robots);
+  void take(RoundsReport rounds);
   void take_starts();
   FrameChoice frame_choice() const;
   std::vector<const Map*> own_maps() const;
@@ -169,9 +170,12 @@ class TeamRun {
 bool TeamRun::map() {
   std::optional<CoordinatedRobots> coordinated;
   if (configuration_.coordinator.method != Coordination::none) coordinated.emplace(configuration_, plan_);
-  auto robots = map_robots(configuration_, plan_, coordinated ? &*coordinated : nullptr, {settings_.keep_going, false},
-                           pool_, progress_);
+  std::optional<FusionRounds> rounds;
+  if (configuration_.cloud.rounds.are_on()) rounds.emplace(configuration_, plan_);
+  auto robots = map_robots(configuration_, plan_, {coordinated ? &*coordinated : nullptr, rounds ? &*rounds : nullptr},
+                           {settings_.keep_going, false}, pool_, progress_);
   if (coordinated) report_.coordination = coordinated->take_report();
+  if (rounds) take(rounds->take_report());
   if (const auto note = note_on_sharing(configuration_, plan_)) report_.notes.push_back(*note);
   const bool is_whole = std::all_of(robots.begin(), robots.end(), [](const auto& robot) { return robot.has_value(); });
   take(std::move(robots));
@@ -194,6 +198,15 @@ void TeamRun::take(std::vector<std::optional<RobotResult>> robots) {
     outcomes_.push_back(std::move(robot.outcome));
     cameras_.push_back(std::move(robot.cameras));
   }
+}
+
+void TeamRun::take(RoundsReport rounds) {
+  report_.work.rounds = std::move(rounds.rounds);
+  report_.rounds = std::move(rounds);
+  if (report_.work.rounds.empty())
+    report_.notes.push_back(
+        "there was no round: cloud.rounds fuses maps of lasers while they grow, and none drove so long; cameras' maps "
+        "are merged as they grow where they share a map server (server.share)");
 }
 
 void TeamRun::take_starts() {
@@ -306,9 +319,14 @@ void TeamRun::finalize() {
   if (is_any_mapped()) merge_in_cloud();
   frames_ = choose_frames(frame_choice(), own_maps(), team_);
   report_work();
+  const double recorded_s = report_.coordination ? report_.coordination->recorded_s
+                            : report_.rounds     ? report_.rounds->recorded_s
+                                                 : 0.0;
   report_.timeline = timeline({configuration_.mode, plan_.network, configuration_.processors, configuration_.cloud,
-                               report_.coordination ? report_.coordination->recorded_s : 0.0, configuration_.seed},
+                               recorded_s, configuration_.seed},
                               report_.work);
+  if (!report_.timeline->rounds) return;
+  for (const std::string& note : notes_of(*report_.timeline->rounds)) report_.notes.push_back(note);
 }
 
 void TeamRun::report_work() {
@@ -335,6 +353,7 @@ void TeamRun::write() {
   results_.set_requests(kept_requests(priors_, configuration_.fusion));
   write_edges();
   write_team();
+  if (report_.rounds) results_.add_rounds(report_);
   results_.commit("run", effective(configuration_, given_), inputs_, report_);
 }
 
@@ -378,7 +397,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& given, con
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   RunPlan plan = given;
-  const auto robots = map_robots(configuration, plan, nullptr, {settings.keep_going, true}, pool, progress);
+  const auto robots = map_robots(configuration, plan, {}, {settings.keep_going, true}, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
   const RobotResult& robot = *robots.front();
   if (robot.report.is_cut_short && !robot.outcome.map) acknowledge_interruption(report, false);

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace mapweave::runtime {
@@ -128,72 +127,43 @@ bool CoordinatedRobots::decide(double now_s) {
   return true;
 }
 
-void CoordinatedRobots::decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool& pool) {
+void CoordinatedRobots::decide(double now_s, LasersInStep& lasers, WorkerPool& pool) {
   if (!decide(now_s)) return;
   std::vector<RobotMove> moves;
   for (const RobotMove& move : report_.decisions.back().moves)
     moves.push_back(decode_robot_move(encode(move), "what robots receive"));
   pool.for_each(moves.size(), [&](std::size_t i) {
-    const auto task = tasks.find(moves[i].robot);
-    if (task != tasks.end()) task->second.move();
+    if (LaserTask* task = lasers.task_of(moves[i].robot)) task->move();
   });
 }
 
-std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, WorkerPool& pool, Progress& progress) {
-  std::map<RobotId, LaserTask> tasks;
-  std::vector<LaserTask*> all;
-  std::vector<RobotId> names;
-  for (const PlannedRobot& robot : plan_.robots) {
-    if (robot.sensors.scans == nullptr) continue;
-    all.push_back(
-        &tasks.emplace(robot.id, LaserTask(robot, configuration_of(configuration_, robot), keep_going, true, progress))
-             .first->second);
-    names.push_back(robot.id);
-  }
-  const std::atomic<bool> give_up{false};
-  const auto expect_no_trouble = [&] {
-    for (const LaserTask* task : all)
-      if (task->trouble() && !keep_going && task->trouble()->code() != ErrorCode::kHelperFailed) throw *task->trouble();
-  };
-  expect_no_trouble();
+double CoordinatedRobots::next_s(double due_s) const {
   const double period_s = configuration_.coordinator.overlap_period_s;
-  std::vector<std::optional<Stamp>> begin(all.size());  // of each robot's own data
-  std::vector<double> from_s;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    begin[i] = all[i]->next();
-    from_s.push_back(robot_entry(configuration_, names[i]).from_s);
+  return period_s * (1.0 + std::max(report_.recorded_s / period_s, std::floor(due_s / period_s)));
+}
+
+void CoordinatedRobots::step(double now_s, LasersInStep& lasers, WorkerPool& pool) {
+  has_ended_.resize(lasers.size(), false);
+  const std::vector<std::string> reports = pool.map(lasers.size(), [&](std::size_t i) {
+    if (has_ended_[i] || !lasers.has_come(i, now_s)) return std::string();
+    LaserTask& task = lasers.task(i);
+    return encode(MapReport{lasers.robot(i).id, task.scans(), scheduling::summary_of(task.map_so_far())});
+  });
+  report_robots(now_s);
+  double slowest_s = 0.0;
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    if (reports[i].empty()) continue;
+    const RobotId& robot = lasers.robot(i).id;
+    report_.summary_bytes += reports[i].size();
+    slowest_s = std::max(slowest_s, summary_seconds(robot, reports[i].size(), now_s));
+    coordinator_.receive(decode_coordinator_event(reports[i], "the report of robot " + robot.str()));
+    has_ended_[i] = !lasers.task(i).next();
+    if (has_ended_[i]) send(RobotGoes{robot});
   }
-  double now_s = 0.0;
-  for (;;) {
-    double due_s = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < all.size(); ++i)
-      if (const auto next = all[i]->next()) due_s = std::min(due_s, from_s[i] + seconds_between(*begin[i], *next));
-    if (std::isinf(due_s)) break;
-    now_s = period_s * (1.0 + std::max(now_s / period_s, std::floor(due_s / period_s)));  // nothing happens in between
-    std::vector<std::string> reports = pool.map(all.size(), [&](std::size_t i) {
-      if (!all[i]->next() || now_s <= from_s[i]) return std::string();
-      all[i]->advance(Stamp{begin[i]->ns + static_cast<std::int64_t>(1e9 * (now_s - from_s[i]))}, give_up);
-      return encode(MapReport{names[i], all[i]->scans(), scheduling::summary_of(all[i]->map_so_far())});
-    });
-    expect_no_trouble();
-    report_robots(now_s);
-    double slowest_s = 0.0;
-    for (std::size_t i = 0; i < reports.size(); ++i) {
-      if (reports[i].empty()) continue;
-      report_.summary_bytes += reports[i].size();
-      slowest_s = std::max(slowest_s, summary_seconds(names[i], reports[i].size(), now_s));
-      coordinator_.receive(decode_coordinator_event(reports[i], "the report of robot " + names[i].str()));
-      if (!all[i]->next()) send(RobotGoes{names[i]});
-    }
-    report_.summary_s += slowest_s;
-    report_edges_and_wires(now_s);
-    decide(now_s, tasks, pool);
-  }
+  report_.summary_s += slowest_s;
+  report_edges_and_wires(now_s);
   report_.recorded_s = now_s;
-  std::vector<LaserOutcome> finished = pool.map(all.size(), [&](std::size_t i) { return all[i]->finish(); });
-  std::map<RobotId, LaserOutcome> outcomes;
-  for (std::size_t i = 0; i < all.size(); ++i) outcomes.emplace(names[i], std::move(finished[i]));
-  return outcomes;
+  decide(now_s, lasers, pool);
 }
 
 }  // namespace mapweave::runtime

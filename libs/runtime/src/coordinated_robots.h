@@ -2,7 +2,8 @@
 // Lasers of a team whose edges a coordinator chooses (RecSLAM III-D), in moments of data time: maps grow, edges and
 // wires come and go, and robots move. The same bytes for any number of threads.
 
-#include <mapweave/runtime/laser_task.h>
+#include "lasers_in_step.h"
+
 #include <mapweave/runtime/report.h>
 
 #include <map>
@@ -15,9 +16,11 @@ class CoordinatedRobots {
   // outlive it. Throws what Coordinator::decide and reading a model throw.
   CoordinatedRobots(const RunConfiguration&, RunPlan& plan);
 
-  // Drives all robots with a laser to the ends of their logs; `plan` then names the edges that they ended on. Throws
-  // Interrupted, and without `keep_going` the first trouble with a log.
-  std::map<RobotId, LaserOutcome> map_lasers(bool keep_going, WorkerPool&, Progress&);
+  // When it acts next, where the next record is due then: nothing happens in between.
+  double next_s(double due_s) const;
+  // What it does at this time, with all records read that come before: robots report and come, edges and wires change,
+  // and it decides. `plan` then names the edges that robots are on.
+  void step(double now_s, LasersInStep& lasers, WorkerPool& pool);
 
   CoordinationReport take_report() { return std::move(report_); }
 
@@ -28,13 +31,14 @@ class CoordinatedRobots {
   transport::LinkState link(const std::string& from, const std::string& to,
                             const transport::LinkModelOptions& otherwise, double now_s);
   double summary_seconds(const RobotId& robot, std::size_t bytes, double now_s);
-  void decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool&);
+  void decide(double now_s, LasersInStep& lasers, WorkerPool&);
   bool decide(double now_s);
 
   const RunConfiguration& configuration_;
   RunPlan& plan_;
   tiers::Coordinator coordinator_;
   std::map<std::pair<std::string, std::string>, transport::LinkModel> wires_;
+  std::vector<bool> has_ended_;  // robots that sensed all before the last step
   CoordinationReport report_;
 };
 

@@ -105,6 +105,7 @@ std::optional<Stamp> LaserTask::next() const {
 }
 const std::optional<Error>& LaserTask::trouble() const { return state_->trouble; }
 std::uint64_t LaserTask::scans() const { return state_->agent.scans(); }
+std::uint64_t LaserTask::sensed_bytes() const { return state_->work.sensed_bytes; }
 
 void LaserTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
   constexpr std::uint64_t kKilobyte = 1000;

@@ -48,7 +48,8 @@ nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed
   Json input_list = Json::array(), outputs = Json::object(), outputs_with_times = Json::object();
   for (const InputFile& input : inputs) input_list.push_back({{"path", input.path}, {"sha256", to_hex(input.sha256)}});
   for (const auto& [path, checksum] : checksums)
-    (path == "summary.json" || path == "merges.json" ? outputs_with_times : outputs)[path] = checksum;
+    (path == "summary.json" || path == "merges.json" || path == "rounds.json" ? outputs_with_times : outputs)[path] =
+        checksum;
   Json map_list = Json::object();
   for (const auto& [path, identity] : maps)
     map_list[path] = {{"map_id", identity.id},

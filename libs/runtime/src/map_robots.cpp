@@ -18,8 +18,8 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
 }  // namespace
 
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, RunPlan& plan,
-                                                   CoordinatedRobots* coordinated, const EarlyEnds& ends,
-                                                   WorkerPool& pool, Progress& progress) {
+                                                   const Lookers& lookers, const EarlyEnds& ends, WorkerPool& pool,
+                                                   Progress& progress) {
   const bool keep_going = ends.keep_going;
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;
@@ -27,7 +27,10 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   try {
     choose_sensors(plan, configuration, pool);
     divide_logs(plan, configuration, pool);
-    if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
+    if (lookers.coordinated != nullptr || lookers.rounds != nullptr) {
+      LasersInStep in_step(configuration, plan, keep_going, lookers.coordinated != nullptr, progress);
+      lasers = map_in_step(in_step, lookers.coordinated, lookers.rounds, pool);
+    }
     if (configuration.server.share != tiers::Sharing::none)
       shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
   } catch (const Interrupted&) {

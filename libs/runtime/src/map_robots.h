@@ -2,6 +2,7 @@
 // All robots of a run from their logs to their maps, each a task of the worker pool.
 
 #include "coordinated_robots.h"
+#include "fusion_rounds.h"
 
 #include <mapweave/runtime/robot_task.h>
 
@@ -16,10 +17,15 @@ struct EarlyEnds {
   bool saves_part = false;  // an interruption (map_robot); of one robot alone, not of cameras that share while they map
 };
 
+// Who looks at lasers' maps while they grow; each may be null. Robots are driven together then.
+struct Lookers {
+  CoordinatedRobots* coordinated = nullptr;
+  FusionRounds* rounds = nullptr;
+};
+
 // Chooses the sensors of the plan, and maps. Every robot of the plan, nullopt for those that were interrupted.
-// `coordinated`: maps the lasers; may be null. Throws the first trouble with a robot, unless it is to be lived with,
-// and Interrupted where that says more.
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, RunPlan&, CoordinatedRobots* coordinated,
-                                                   const EarlyEnds&, WorkerPool&, Progress&);
+// Throws the first trouble with a robot, unless it is to be lived with, and Interrupted where that says more.
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, RunPlan&, const Lookers&, const EarlyEnds&,
+                                                   WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

@@ -93,6 +93,7 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
                              RobotId(scheduling::name(overlap[1], where, key)),
                              scheduling::number(overlap[2], 0.0, 0.5, false, where, key)});
   }
+  if (line.contains("rounds")) work.rounds = read_rounds(line["rounds"], where);
   if (recorded_s != nullptr) *recorded_s = field(line, "recorded_seconds", where, "timeline");
   return work;
 }

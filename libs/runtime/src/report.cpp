@@ -276,6 +276,17 @@ std::string in_words(const RobotReport& robot) {
   return text;
 }
 
+// What rounds cost; when their previews were there, the timeline says.
+Json rounds_summary_json(const RoundsReport& report, const Work& work) {
+  std::uint64_t bytes = 0;
+  for (const RoundWork& round : work.rounds)
+    for (const RoundWork::Fused& fused : round.fused) bytes += fused.bytes;
+  return {{"rounds", work.rounds.size()},
+          {"recorded_seconds", report.recorded_s},
+          {"bytes_to_cloud", bytes},
+          {"cpu_seconds", report.cpu_seconds}};
+}
+
 std::string in_words(const CoordinationReport& report, const std::optional<Timeline>& timeline) {
   std::string text;
   for (const tiers::CoordinatorDecision& decision : report.decisions) {
@@ -348,6 +359,10 @@ Json summary_json(const Report& report) {
                   {"peak_rss_bytes", report.peak_rss_bytes},
                   {"stages", stages}};
   if (report.coordination) summary["coordinator"] = coordination_json(*report.coordination, report.timeline);
+  if (report.rounds) {
+    summary["rounds"] = rounds_summary_json(*report.rounds, report.work);
+    if (report.coordination) summary["coordinator"]["rounds"] = summary["rounds"];
+  }
   if (report.timeline) summary["timeline"] = timeline_json(*report.timeline, report.work);
   return summary;
 }
@@ -419,6 +434,7 @@ std::string in_words(const Report& report, const std::string& asked) {
       text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
   }
   if (report.coordination) text += in_words(*report.coordination, report.timeline);
+  if (report.timeline && report.timeline->rounds) text += in_words(*report.timeline->rounds, report.work.rounds.size());
   for (const FusionReport& edge : report.edges) text += in_words(edge, "edge " + edge.tier.str());
   for (const EdgeWork& edge : report.work.edges)
     if (edge.thinning.scans > 0)

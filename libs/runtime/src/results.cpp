@@ -3,6 +3,7 @@
 #include "team_trajectories.h"
 #include "trajectory_output.h"
 
+#include <mapweave/core/format.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/exporters/g2o_file.h>
@@ -249,6 +250,30 @@ void Results::add_components(const FusedPlace& place, const fusion::FusionResult
   output_seconds_ += watch.seconds() - composing;
   for (const fusion::StageTime& stage : fused.stages) report.stages.push_back({place.tier, stage.name, stage.seconds});
   report.stages.push_back({place.tier, "composing", composing});
+}
+
+void Results::add_rounds(const Report& report) {
+  const Stopwatch watch;
+  const double composing_before = composing_seconds_;
+  const std::filesystem::path& staging = folder_.staging();
+  std::map<std::size_t, std::string> pictures;
+  for (const auto& [round, map] : report.rounds->pictures) {
+    if (!configuration_.output.png) break;
+    const std::string title = format("round %zu, after %.1f s", round + 1, report.work.rounds[round].at_s);
+    const OccupancyGrid grid = grid_of(title, map);
+    if (grid.empty()) continue;
+    exporters::PictureOptions picture = configuration_.output.picture;
+    picture.title = title;
+    std::filesystem::create_directories(staging / "rounds");
+    pictures[round] = format("rounds/%04zu.png", round + 1);
+    write_file(staging / pictures[round],
+               exporters::map_picture_png(grid, exporters::session_trajectories(map), picture));
+  }
+  write_file(
+      staging / "rounds.json",
+      rounds_json_text(report.work.rounds,
+                       report.timeline && report.timeline->rounds ? &*report.timeline->rounds : nullptr, pictures));
+  output_seconds_ += watch.seconds() - (composing_seconds_ - composing_before);
 }
 
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,

@@ -57,6 +57,8 @@ class Results {
   // keyframes came from, for the frames between them. Depth is the cloud's alone.
   void add_components(const FusedPlace& place, const fusion::FusionResult& fused,
                       const std::vector<CamerasOutcome>& cameras, Report& report);
+  // rounds.json, and pictures of joint maps that came out of rounds.
+  void add_rounds(const Report& report);
   // Robots' own maps, as they were fused; stores of components keep those of their members, so that a merge can be
   // undone. They must outlive it.
   void set_own_maps(std::vector<const Map*> maps) { own_maps_ = std::move(maps); }

@@ -199,6 +199,10 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
   if (configuration.coordinator.method != Coordination::none && configuration.mode == Mode::cloud_only)
     throw Error(ErrorCode::kBadInput, "a coordinator gives robots to edges, and mode cloud-only has none",
                 origins.place_of("coordinator.method"), "leave out one of them");
+  constexpr double kShortestRound_s = 0.1;  // about a scan
+  if (const double period_s = configuration.cloud.rounds.period_s; period_s > 0.0 && period_s < kShortestRound_s)
+    throw Error(ErrorCode::kBadInput, "rounds come faster than scans", origins.place_of("cloud.rounds.period_s"),
+                "give at least 0.1 seconds, or 0 for none");
   std::uint64_t room = 0;
   for (std::size_t i = 0; i < plan.edges.size(); ++i) {
     const EdgeEntry entry = edge_entry(configuration, plan.edges[i]);

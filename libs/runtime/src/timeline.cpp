@@ -1,7 +1,8 @@
 #include <mapweave/runtime/timeline.h>
 
+#include "wires.h"
+
 #include <mapweave/core/error.h>
-#include <mapweave/core/mixed_bits.h>
 
 #include <algorithm>
 #include <map>
@@ -11,30 +12,6 @@ namespace mapweave::runtime {
 namespace {
 
 constexpr const char* kCloud = "cloud";
-
-// The wires of a run, each made when it is first used.
-class Wires {
- public:
-  explicit Wires(const TimelineOptions& options) : options_(options) {}
-
-  double send(const std::string& from, const std::string& to, const transport::LinkModelOptions& otherwise, double at_s,
-              std::uint64_t bytes) {
-    auto known = wires_.find({from, to});
-    if (known == wires_.end()) {
-      std::uint64_t seed = options_.seed;  // one of its own for each wire
-      for (const char letter : from + ">" + to) seed = mixed(seed ^ static_cast<unsigned char>(letter));
-      known = wires_
-                  .emplace(std::make_pair(from, to),
-                           transport::LinkModel(wire_between(options_.network, from, to, otherwise), seed))
-                  .first;
-    }
-    return known->second.send(options_.recorded_s + at_s, bytes) - options_.recorded_s;
-  }
-
- private:
-  const TimelineOptions& options_;
-  std::map<std::pair<std::string, std::string>, transport::LinkModel> wires_;
-};
 
 }  // namespace
 
@@ -63,6 +40,7 @@ class Replay {
     for (const EdgeWork& edge : work_.edges) fuse(edge);
     judge_on_edges();
     finalize();
+    if (!work_.rounds.empty()) result_.rounds = rounds_timeline(options_, work_);
     return std::move(result_);
   }
 
@@ -231,14 +209,16 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
     pushes.push_back({{"robot", timeline.pushes[i].robot.str()},
                       {"bytes", work.pushes.at(i).bytes},
                       {"arrived_seconds", timeline.pushes[i].arrived_s}});
-  return {{"mode", kModes[static_cast<int>(timeline.mode)]},
-          {"robots", robots},
-          {"edges", edges},
-          {"cloud", {{"fusing_cpu_seconds", work.fusing_s}, {"planning_cpu_seconds", work.planning_s}}},
-          {"total_seconds", timeline.total_s},
-          {"recorded_seconds", timeline.recorded_s},
-          {"pushes", pushes},
-          {"overlaps", overlaps}};
+  Json json = {{"mode", kModes[static_cast<int>(timeline.mode)]},
+               {"robots", robots},
+               {"edges", edges},
+               {"cloud", {{"fusing_cpu_seconds", work.fusing_s}, {"planning_cpu_seconds", work.planning_s}}},
+               {"total_seconds", timeline.total_s},
+               {"recorded_seconds", timeline.recorded_s},
+               {"pushes", pushes},
+               {"overlaps", overlaps}};
+  if (timeline.rounds) json["rounds"] = rounds_timeline_json(*timeline.rounds, work.rounds);
+  return json;
 }
 
 }  // namespace mapweave::runtime

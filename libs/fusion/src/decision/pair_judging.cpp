@@ -43,7 +43,7 @@ PairJudging::PairJudging(const FusionInput& input, const FusionOptions& options,
 
 void PairJudging::prepare_maps() {
   const std::vector<const Map*> maps = sorted(input_.maps);
-  const bool is_preview = !input_.teams.empty() || !input_.judged.empty();
+  const bool is_preview = input_.is_preview || !input_.teams.empty() || !input_.judged.empty();
   copies_ = is_preview ? std::vector<std::optional<CopyOf>>(maps.size()) : copies_among(maps);
   for (std::size_t a = 0; a < maps.size(); ++a)
     for (std::size_t b = a + 1; b < maps.size(); ++b)

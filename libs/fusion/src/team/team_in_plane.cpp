@@ -230,7 +230,7 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
       constraints.push_back(std::move(constraint));
   add_constraints(team, std::move(constraints));
   const Followers followers(team);
-  if (!is_alone) {
+  if (!is_alone && !input_.is_preview) {
     if (!is_bent_by_lasers(members)) graph::optimise(team, options_.solve);
     add_constraints(team, rematched(members, team));
     graph::optimise(team, options_.solve);

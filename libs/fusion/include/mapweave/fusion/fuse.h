@@ -64,6 +64,9 @@ struct FusionInput {
   // Of maps of lasers: what edges merged already. Taken as they are, unless what else is known contradicts them
   // (FusionResult::reopened). What names a map, a submap or a node that is not here is left out.
   std::vector<MergedMaps> merged = {};
+  // Of maps of lasers that still grow: they lie as the graph of their submaps puts them, no scan is matched again, and
+  // nobody looks whether two are copies of one recording. For rounds while robots drive.
+  bool is_preview = false;
   // Where it is given, an interruption ends the search for places that coincide instead of fuse(): it becomes true,
   // what was found until then decides, and the interruption is taken (clear_interrupt()).
   std::shared_ptr<std::atomic<bool>> early_end = {};

@@ -40,8 +40,9 @@ class LaserTask {
   void move();
   const std::optional<Error>& trouble() const;
   std::uint64_t scans() const;
-  Map map_so_far();       // empty before there is one, and where mapping failed
-  LaserOutcome finish();  // once
+  std::uint64_t sensed_bytes() const;  // that went to the edge so far
+  Map map_so_far();                    // empty before there is one, and where mapping failed
+  LaserOutcome finish();               // once
 
  private:
   struct State;

@@ -11,6 +11,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -83,6 +84,14 @@ struct CoordinationReport {
   double recorded_s = 0.0;  // of data, until the last log ended
 };
 
+// Of rounds while robots drove; each round is in Work::rounds once the run has it.
+struct RoundsReport {
+  std::vector<RoundWork> rounds;
+  std::map<std::size_t, Map> pictures;  // joint maps to be drawn, by round
+  double recorded_s = 0.0;              // of data, until the last log ended
+  double cpu_seconds = 0.0;             // of all of it
+};
+
 struct Report {
   std::vector<RobotReport> robots;  // by id
   std::vector<FusionReport> edges;  // by id
@@ -91,6 +100,7 @@ struct Report {
   Work work;                         // run
   std::optional<Timeline> timeline;  // run; none where it was interrupted
   std::optional<CoordinationReport> coordination;
+  std::optional<RoundsReport> rounds;
   std::vector<std::string> notes;  // for people: maps renamed, maps too large to draw
   std::string saved_at;            // where, if not where it was to be: it was interrupted, and an older result is there
   std::string picture;             // the one to look at first, within the folder; may be empty

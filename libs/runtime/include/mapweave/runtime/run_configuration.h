@@ -81,8 +81,8 @@ struct RobotEntry {
             "duration, one for each edge in this order, which are merged again like maps of robots; for lasers, "
             "without a coordinator; empty: `edge` maps everything");
     v.non_negative("from_s", from_s,
-                   "time in seconds after the team's start at which the robot joins (with a coordinator); larger "
-                   "values let it join later");
+                   "time in seconds after the team's start at which the robot joins (with a coordinator, or rounds); "
+                   "larger values let it join later");
     v.list("route", route,
            "points of the route that the robot is going to drive; lets the coordinator estimate overlaps before there "
            "is a map");

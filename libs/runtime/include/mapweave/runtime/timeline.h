@@ -5,12 +5,14 @@
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/options.h>
+#include <mapweave/runtime/rounds.h>
 #include <mapweave/tiers/edge_server.h>
 #include <mapweave/transport/link_model.h>
 
 #include <nlohmann/json_fwd.hpp>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -86,6 +88,7 @@ struct CloudEntry {
   std::vector<std::string> push_to;
   bool edges_judge = true;
   tiers::EdgeMapOptions maps;
+  RoundOptions rounds;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("at", at,
@@ -100,6 +103,9 @@ struct CloudEntry {
            "edges send of their robots' laser maps the scans that show each place, and all poses and constraints as "
            "they solved them; false: they send the whole maps, which takes several times the bytes");
     v.section("thinning", maps.thinning, "which scans edges leave out");
+    v.section("rounds", rounds,
+              "previews while robots drive: edges fuse what their robots have so far, the cloud what edges have. The "
+              "final map is the same with and without");
   }
 };
 
@@ -142,6 +148,7 @@ struct Work {
   double planning_s = 0.0;        // of these, before it knew what edges shall compare
   std::vector<PushWork> pushes;
   std::vector<OverlapOfRobots> overlaps;
+  std::vector<RoundWork> rounds;  // while robots drove
 };
 
 // All in seconds since the recordings ended.
@@ -169,6 +176,7 @@ struct Timeline {
   double total_s = 0.0;  // t_c
   std::vector<Push> pushes;
   double recorded_s = 0.0;  // as in the options
+  std::optional<RoundsTimeline> rounds;
 };
 
 struct TimelineOptions {
