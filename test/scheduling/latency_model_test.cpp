@@ -34,6 +34,7 @@ LatencyModel round_numbers() {
   model.edge_fusion = {0.25, 0.005, 2e-4};
   model.map_bytes_per_scan = 20;
   model.map_bytes_fixed = 0;
+  model.edge_bytes_per_map_byte = 1.0;
   model.cloud_delay_s = 0.125;
   model.cloud_fusion = {0, 0.01, 4e-4};
   return model;
@@ -143,9 +144,26 @@ TEST(LatencyModel, sends_to_the_cloud_what_edges_send_however_much_maps_share) {
   LatencyModel model = round_numbers();
   model.edge_bytes_per_map_byte = 1.25;  // with judgements
   const Latency latency(problem, model);
-  EXPECT_DOUBLE_EQ(latency.sent_bytes(0), 2500.0);
+  EXPECT_DOUBLE_EQ(latency.sent_bytes(0, 0), 2500.0);
   EXPECT_DOUBLE_EQ(latency.terms({{1, 2}, {}}).edges[0].transfer_s, 5.0 + 0.125);  // the same map twice
   EXPECT_DOUBLE_EQ(latency.terms({{0, 2}, {}}).edges[0].transfer_s, 5.0 + 0.125);  // nothing in common
+}
+
+TEST(LatencyModel, takes_an_edge_as_its_own_runs_have_shown_it) {
+  const Problem problem = two_edges();
+  LatencyModel model = round_numbers();
+  const Latency before(problem, model);
+  model.edges["f"] = {0.04, 0.5, FusionTime{1.0, 0.0, 0.0, 0.0}};
+  model.edges["elsewhere"] = {9.0, {}, {}};
+  const Latency latency(problem, model);
+  EXPECT_EQ(latency.edge_seconds({0, 1}, 0), before.edge_seconds({0, 1}, 0)) << "e is as all are";
+  EXPECT_DOUBLE_EQ(latency.robot_seconds(0, 1), before.robot_seconds(0, 1) + 1.0);  // SLAM takes twice as long
+  EXPECT_DOUBLE_EQ(latency.edge_seconds({2}, 1), 1.0 + 1.0 + 0.5 + 2.0 + 0.5 + 2.0 + 0.125);
+  EXPECT_EQ(model_json(parse_model(model_json(model), "m.json")), model_json(model));
+  const LatencyModel partial = parse_model(R"({"edges": {"f": {"fusion": {"fixed_s": 2}}}})", "m.json");
+  EXPECT_EQ(partial.edges.at("f").fusion->fixed_s, 2.0);
+  EXPECT_EQ(partial.edges.at("f").fusion->per_scan_pair_s, partial.edge_fusion.per_scan_pair_s);
+  EXPECT_FALSE(partial.edges.at("f").slam_s_per_scan);
 }
 
 TEST(LatencyModel, never_has_a_fused_map_below_its_largest_part_or_above_the_sum) {
@@ -182,6 +200,9 @@ TEST(LatencyModel, refuses_what_cannot_be) {
     return "accepted";
   };
   EXPECT_THAT(refusal(R"({"slam_s_per_scan": -1})"), AllOf(HasSubstr("m.json"), HasSubstr("slam_s_per_scan")));
+  EXPECT_THAT(refusal(R"({"edges": {"f": {"slam": 1}}})"), HasSubstr("edges.f"));
+  EXPECT_THAT(refusal(R"({"edges": {"f": {"bytes_per_map_byte": -1}}})"), HasSubstr("edges.f.bytes_per_map_byte"));
+  EXPECT_THAT(refusal(R"({"edges": {"../f": {}}})"), HasSubstr("name of an edge"));
   EXPECT_THAT(refusal(R"({"slam_per_scan": 1})"), HasSubstr("did you mean 'slam_s_per_scan'?"));
   EXPECT_THAT(refusal(R"({"edge_fusion": {"per_scan_pairs_s": 1}})"), HasSubstr("did you mean 'per_scan_pair_s'?"));
   EXPECT_THAT(refusal(R"({"robot_bytes_per_s": 0})"), HasSubstr("robot_bytes_per_s"));
@@ -359,6 +380,31 @@ TEST_F(ProfileOfRuns, learns_every_term_from_runs_that_offload) {
   EXPECT_EQ(profile.terms[4].shown.front().at, 1000.0 + 70.0 * 200.0);  // the edge of one robot
   EXPECT_EQ(profile.terms[5].shown.front().at, 200.0);
   EXPECT_NEAR(profile.terms[5].shown.front().value, 0.8, 1e-6);
+}
+
+TEST_F(ProfileOfRuns, learns_what_an_edge_has_of_its_own) {
+  std::vector<std::filesystem::path> runs;
+  for (const int factor : {1, 2, 5, 7}) {
+    auto summary = summary_of("offload", factor);
+    for (auto& line : summary["timeline"]["edges"])
+      if (line["id"] == "s") {
+        line["fusing_cpu_seconds"] = 3.0 * line["fusing_cpu_seconds"].get<double>();
+        line["bytes"] = 0.5 * line["bytes"].get<double>();
+      }
+    runs.push_back(run(std::to_string(factor), summary));
+  }
+  const Profile profile = profile_runs(runs);
+  const LatencyModel& model = profile.model;
+  ASSERT_EQ(model.edges.size(), 2u);
+  const EdgeLatency &n = model.edges.at("n"), &s = model.edges.at("s");
+  EXPECT_NEAR(*n.bytes_per_map_byte, 1.5, 1e-9);
+  EXPECT_NEAR(*s.bytes_per_map_byte, 0.75, 1e-9);
+  EXPECT_NEAR(*s.slam_s_per_scan, 0.002, 1e-9);
+  const FusedScans of_s{1000.0, 0.0, 0.0};
+  EXPECT_GT(s.fusion->seconds(of_s), 1.5 * n.fusion->seconds(of_s)) << "it takes longer for the same";
+  EXPECT_NEAR(s.fusion->seconds(of_s), 12.0, 6.0);
+  const LatencyModel few = profile_runs({runs[0], runs[1]}).model;
+  EXPECT_TRUE(few.edges.empty() || !few.edges.begin()->second.fusion) << "two runs are not enough";
 }
 
 TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_measures) {

@@ -68,6 +68,7 @@ LatencyModel model_of_kind(std::uint64_t kind) {
     model.edge_fusion = {0.1, 1e-3, 1e-6, 1e-3};
     model.cloud_fusion = {0.3, 2e-3, 1e-5, 2e-3};
   }
+  if (kind % 3 == 1) model.edges["e1"] = {2e-3, 0.1, FusionTime{0.01, 2e-4, 1e-7, 0.0}};  // an edge of its own kind
   return model;
 }
 

@@ -58,7 +58,7 @@ Json edges_json(const Latency& latency, const LatencyTerms& terms) {
     double scans = 0.0, bytes = 0.0;
     for (const auto& robot : terms.edges[i].robots) {
       scans += latency.scans(robot.robot);
-      bytes += latency.sent_bytes(robot.robot);
+      bytes += latency.sent_bytes(robot.robot, i);
     }
     edges.push_back({{"name", edge.id.str()},
                      {"robots", terms.edges[i].robots.size()},

@@ -21,6 +21,7 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
     model.pack_s_per_scan = std::exchange(model.slam_s_per_scan, 0.0) / processors.robot_speed();
     model.scan_bytes = model.map_bytes_per_scan;
     model.robot_bytes_fixed = model.map_bytes_fixed;
+    for (auto& [id, edge] : model.edges) edge.slam_s_per_scan.reset();
   }
   return model;
 }

@@ -3,6 +3,7 @@
 #include <mapweave/scheduling/json_fields.h>
 
 #include <mapweave/core/files.h>
+#include <mapweave/core/ids.h>
 
 #include <nlohmann/json.hpp>
 
@@ -50,6 +51,35 @@ void read(const Json& object, const std::vector<Field>& fields, const std::strin
       *field.value = number(*found, 0.0, kLargest, field.above, where, prefix + field.name);
 }
 
+const auto kFusionFields = {"fixed_s", "per_scan_s", "per_scan_pair_s", "per_shared_scan_s"};
+
+FusionTime read_fusion(const Json& object, FusionTime fusion, const std::string& where, const std::string& key) {
+  expect_object(object, kFusionFields, where, key);
+  read(object, fields_of(fusion), where, key + ".");
+  return fusion;
+}
+
+void read_edges(const Json& edges, const std::string& where, LatencyModel& model) {
+  constexpr double kLargest = 1e15;
+  if (!edges.is_object()) refuse("an object was expected: what each edge is like, by its name", where, "edges", "");
+  for (const auto& [id, own] : edges.items()) {
+    const std::string key = "edges." + id;
+    if (!is_valid_name(id)) refuse("this cannot be the name of an edge", where, key, "");
+    expect_object(own, {"slam_s_per_scan", "bytes_per_map_byte", "fusion"}, where, key);
+    EdgeLatency& edge = model.edges[id];
+    for (const auto& [name, value] : {std::make_pair("slam_s_per_scan", &edge.slam_s_per_scan),
+                                      std::make_pair("bytes_per_map_byte", &edge.bytes_per_map_byte)})
+      if (own.contains(name)) *value = number(own[name], 0.0, kLargest, false, where, key + "." + name);
+    if (own.contains("fusion")) edge.fusion = read_fusion(own["fusion"], model.edge_fusion, where, key + ".fusion");
+  }
+}
+
+nlohmann::ordered_json fusion_json(FusionTime fusion) {
+  nlohmann::ordered_json json;
+  for (const Field& field : fields_of(fusion)) json[field.name] = *field.value;
+  return json;
+}
+
 }  // namespace
 
 LatencyModel parse_model(std::string_view json, const std::string& where) {
@@ -57,15 +87,14 @@ LatencyModel parse_model(std::string_view json, const std::string& where) {
   expect_object(root,
                 {"scans", "pack_s_per_scan", "robot_bytes_fixed", "scan_bytes", "robot_bytes_per_s", "robot_delay_s",
                  "slam_s_per_scan", "map_bytes_per_scan", "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s",
-                 "edge_fusion", "cloud_fusion"},
+                 "edge_fusion", "cloud_fusion", "edges"},
                 where, "");
   LatencyModel model;
   read(root, fields_of(model), where, "");
   for (const auto& [name, fusion] : fusions_of(model)) {
-    if (!root.contains(name)) continue;
-    expect_object(root[name], {"fixed_s", "per_scan_s", "per_scan_pair_s", "per_shared_scan_s"}, where, name);
-    read(root[name], fields_of(*fusion), where, std::string(name) + ".");
+    if (root.contains(name)) *fusion = read_fusion(root[name], *fusion, where, name);
   }
+  if (root.contains("edges")) read_edges(root["edges"], where, model);
   return model;
 }
 
@@ -78,12 +107,24 @@ std::string model_json(const LatencyModel& model) {
   LatencyModel copy = model;
   nlohmann::ordered_json root;
   for (const Field& field : fields_of(copy)) root[field.name] = *field.value;
-  for (const auto& [name, fusion] : fusions_of(copy))
-    for (const Field& field : fields_of(*fusion)) root[name][field.name] = *field.value;
+  for (const auto& [name, fusion] : fusions_of(copy)) root[name] = fusion_json(*fusion);
+  for (const auto& [id, edge] : model.edges) {
+    nlohmann::ordered_json& own = root["edges"][id] = nlohmann::ordered_json::object();
+    if (edge.slam_s_per_scan) own["slam_s_per_scan"] = *edge.slam_s_per_scan;
+    if (edge.bytes_per_map_byte) own["bytes_per_map_byte"] = *edge.bytes_per_map_byte;
+    if (edge.fusion) own["fusion"] = fusion_json(*edge.fusion);
+  }
   return root.dump(2) + "\n";
 }
 
 Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(problem), model_(model) {
+  for (const EdgeResources& edge : problem.edges) {
+    const auto found = model.edges.find(edge.id.str());
+    const EdgeLatency own = found != model.edges.end() ? found->second : EdgeLatency();
+    edge_models_.push_back({own.slam_s_per_scan.value_or(model.slam_s_per_scan),
+                            own.bytes_per_map_byte.value_or(model.edge_bytes_per_map_byte),
+                            own.fusion.value_or(model.edge_fusion)});
+  }
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
     map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans(robot));
     for (const Neighbour& other : problem.overlaps.neighbours(robot))
@@ -118,7 +159,7 @@ LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge
   const double times = robot < known.size() && known[robot] && *known[robot] != edge ? 2.0 : 1.0;
   const double bytes = model_.robot_bytes_fixed + scans(robot) * model_.scan_bytes;
   return {robot, scans(robot) * model_.pack_s_per_scan, times * bytes / wire.bytes_per_s + wire.delay_s,
-          times * scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
+          times * scans(robot) * edge_models_[edge].slam_s_per_scan / problem_.edges[edge].speed};
 }
 
 double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {
@@ -147,10 +188,10 @@ LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots,
   for (const std::uint32_t robot : robots) {
     terms.robots.push_back(robot_terms(robot, edge));
     fused.add(scans(robot));
-    bytes += sent_bytes(robot);
+    bytes += sent_bytes(robot, edge);
   }
-  if (model_.edge_fusion.per_shared_scan_s > 0.0) fused.shared = shared_scans(robots);
-  terms.fusion_s = model_.edge_fusion.seconds(fused) / problem_.edges[edge].speed;
+  if (edge_fusion(edge).per_shared_scan_s > 0.0) fused.shared = shared_scans(robots);
+  terms.fusion_s = edge_fusion(edge).seconds(fused) / problem_.edges[edge].speed;
   terms.transfer_s = bytes / problem_.edges[edge].bandwidth_bytes_per_s + cloud_delay_s(edge);
   return terms;
 }

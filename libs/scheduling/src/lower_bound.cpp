@@ -117,6 +117,25 @@ void add_cloud(const FusionTime& time, const CloudResources& cloud, std::vector<
   result.cloud_pairs_s = time.per_scan_pair_s * spread / cloud.speed;
 }
 
+// No edge fuses in less, whatever it has.
+FusionTime least_fusion(const Latency& latency) {
+  FusionTime least = latency.edge_fusion(0);
+  for (std::uint32_t edge = 1; edge < latency.problem().edges.size(); ++edge) {
+    const FusionTime& one = latency.edge_fusion(edge);
+    least.fixed_s = std::min(least.fixed_s, one.fixed_s);
+    least.per_scan_s = std::min(least.per_scan_s, one.per_scan_s);
+    least.per_scan_pair_s = std::min(least.per_scan_pair_s, one.per_scan_pair_s);
+  }
+  return least;
+}
+
+double least_sent_bytes(const Latency& latency, std::uint32_t robot) {
+  double least = latency.sent_bytes(robot, 0);
+  for (std::uint32_t edge = 1; edge < latency.problem().edges.size(); ++edge)
+    least = std::min(least, latency.sent_bytes(robot, edge));
+  return least;
+}
+
 Relaxation relaxed(const Latency& latency) {
   const Problem& problem = latency.problem();
   const LatencyModel& model = latency.model();
@@ -154,20 +173,22 @@ Relaxation relaxed(const Latency& latency) {
     for (std::uint32_t edge = 0; edge < result.edges; ++edge) {
       kind.push_back(latency.robot_seconds(robot, edge));
       result.fastest[edge] = std::min(result.fastest[edge], kind.back());
-      const double ready = kind.back() + model.edge_fusion.seconds({scans[robot], 0.0}) / problem.edges[edge].speed;
+      const double ready =
+          kind.back() + latency.edge_fusion(edge).seconds({scans[robot], 0.0}) / problem.edges[edge].speed;
       first_ready = std::min(first_ready, ready);
-      alone = std::min(
-          alone, ready + latency.sent_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s + result.delay_s[edge]);
+      alone = std::min(alone, ready + latency.sent_bytes(robot, edge) / problem.edges[edge].bandwidth_bytes_per_s +
+                                  result.delay_s[edge]);
     }
     result.least_seconds = std::max(result.least_seconds, alone);
-    all_bytes += latency.sent_bytes(robot);
+    const double sent_bytes = least_sent_bytes(latency, robot);
+    all_bytes += sent_bytes;
     result.least_weight = std::min(result.least_weight, weight);
-    if (weight > 0.0) result.least_bytes = std::min(result.least_bytes, latency.sent_bytes(robot) / weight);
-    result.smallest_bytes = std::min(result.smallest_bytes, latency.sent_bytes(robot));
+    if (weight > 0.0) result.least_bytes = std::min(result.least_bytes, sent_bytes / weight);
+    result.smallest_bytes = std::min(result.smallest_bytes, sent_bytes);
     kinds[std::move(kind)] += 1.0;
   }
   result.least_seconds = std::max(result.least_seconds, first_ready + all_bytes / result.bandwidth + least_delay_s);
-  const FusionTime& fusion = model.edge_fusion;
+  const FusionTime fusion = least_fusion(latency);
   result.edge_fusion = all_scans > 0.0
                            ? FusionTime{fusion.fixed_s, fusion.per_scan_s * unit, fusion.per_scan_pair_s * unit * unit}
                            : FusionTime{fusion.fixed_s, 0.0, 0.0};

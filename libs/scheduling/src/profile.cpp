@@ -25,8 +25,13 @@ struct Sample {
   std::vector<double> basis;
 };
 
+struct OwnSamples {  // of one edge
+  std::vector<Sample> slam_s, bytes, fusion_s;
+};
+
 struct Samples {
   std::vector<Sample> packing_s, sensed_bytes, slam_s, map_bytes, edge_bytes, edge_fusion_s, cloud_fusion_s;
+  std::map<std::string, OwnSamples> own;
   double scans = 0.0, robots = 0.0;
   std::vector<std::string> notes;
   bool cameras = false;
@@ -86,6 +91,7 @@ void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const st
   samples.scans += scans;
   samples.robots += 1.0;
   samples.slam_s.push_back({scans, mapping_s, {scans}});
+  if (offload && !robot.edge.empty()) samples.own[robot.edge].slam_s.push_back(samples.slam_s.back());
   if (offload) samples.packing_s.push_back({scans, packing_s, {scans}});
   if (robot.cameras) return;  // what they sent and hold of cameras is no matter of scans
   if (offload) samples.sensed_bytes.push_back({scans, sensed_bytes, {scans}});
@@ -159,6 +165,8 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
     if (const auto fused = at.find(id); fused != at.end() && fused->second.scans > 0.0 && !sees[id]) {
       samples.edge_fusion_s.push_back(of_fusion(fused->second, seconds));
       samples.edge_bytes.push_back({map_bytes[id], bytes, {map_bytes[id]}});
+      samples.own[id].fusion_s.push_back(samples.edge_fusion_s.back());
+      samples.own[id].bytes.push_back(samples.edge_bytes.back());
     }
   }
   const double seconds = longest_judging_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds",
@@ -199,6 +207,45 @@ std::optional<std::vector<double>> fitted(const std::string& name, const std::st
   return term.regression.coefficients;
 }
 
+std::vector<double> coefficients_of(const std::vector<Sample>& samples) {
+  const auto rows = static_cast<Eigen::Index>(samples.size()),
+             columns = static_cast<Eigen::Index>(samples.front().basis.size());
+  Eigen::MatrixXd basis(rows, columns);
+  Eigen::VectorXd measured(rows);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Sample& sample = samples[static_cast<std::size_t>(i)];
+    for (Eigen::Index k = 0; k < columns; ++k) basis(i, k) = sample.basis[static_cast<std::size_t>(k)];
+    measured[i] = sample.value;
+  }
+  return fit_relative(basis, measured).coefficients;
+}
+
+// What its own runs say, where there are enough of them. All parts of fusion by themselves take many; fewer say how
+// many times as long as on all edges it takes there.
+EdgeLatency own_of(const OwnSamples& own, const LatencyModel& model) {
+  constexpr std::size_t kEnough = 3, kEnoughForAllParts = 12;
+  EdgeLatency edge;
+  if (own.slam_s.size() >= kEnough) edge.slam_s_per_scan = coefficients_of(own.slam_s).front();
+  if (own.bytes.size() >= kEnough) edge.bytes_per_map_byte = coefficients_of(own.bytes).front();
+  if (own.fusion_s.size() >= kEnoughForAllParts) {
+    const std::vector<double> found = coefficients_of(own.fusion_s);
+    edge.fusion = FusionTime{found[0], found[1], found[2], found[3]};
+  } else if (own.fusion_s.size() >= kEnough) {
+    std::vector<Sample> times = own.fusion_s;
+    const FusionTime& all = model.edge_fusion;
+    for (Sample& sample : times) {
+      const std::vector<double>& parts = sample.basis;
+      sample.basis = {all.fixed_s * parts[0] + all.per_scan_s * parts[1] + all.per_scan_pair_s * parts[2] +
+                      all.per_shared_scan_s * parts[3]};
+      if (!(sample.basis.front() > 0.0)) return edge;
+    }
+    const double factor = coefficients_of(times).front();
+    edge.fusion = FusionTime{factor * all.fixed_s, factor * all.per_scan_s, factor * all.per_scan_pair_s,
+                             factor * all.per_shared_scan_s};
+  }
+  return edge;
+}
+
 }  // namespace
 
 Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
@@ -227,6 +274,9 @@ Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
     model.edge_fusion = {(*found)[0], (*found)[1], (*found)[2], (*found)[3]};
   if (const auto found = fitted("fusion in the cloud", "s", samples.cloud_fusion_s, profile))
     model.cloud_fusion = {(*found)[0], (*found)[1], (*found)[2], (*found)[3]};
+  for (const auto& [id, own] : samples.own)
+    if (const EdgeLatency edge = own_of(own, model); edge.slam_s_per_scan || edge.bytes_per_map_byte || edge.fusion)
+      model.edges[id] = edge;
   return profile;
 }
 

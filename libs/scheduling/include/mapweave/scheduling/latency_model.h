@@ -9,6 +9,8 @@
 #include <mapweave/scheduling/problem.h>
 
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -38,6 +40,12 @@ struct FusionTime {
   }
 };
 
+// What one edge is like, as its own runs have shown, at its speed of 1; in what is not said here it is as all are.
+struct EdgeLatency {
+  std::optional<double> slam_s_per_scan, bytes_per_map_byte;
+  std::optional<FusionTime> fusion;
+};
+
 struct LatencyModel {
   double scans = 1000.0;           // of a robot of which nothing is said
   double pack_s_per_scan = 5e-6;   // on the robot
@@ -50,10 +58,11 @@ struct LatencyModel {
   FusionTime edge_fusion{0.0, 0.0, 2.8e-7, 0.0};  // on an edge of speed 1
   double map_bytes_per_scan = 650.0;              // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
-  double edge_bytes_per_map_byte =
-      1.0;                      // what an edge sends on: its robots' maps as they are, and what it judged of them
-  double cloud_delay_s = 0.02;  // edge -> cloud, of an edge of which nothing is said
+  // What an edge sends on of its robots' maps: each place once, and what it found between them.
+  double edge_bytes_per_map_byte = 0.22;
+  double cloud_delay_s = 0.02;                    // edge -> cloud, of an edge of which nothing is said
   FusionTime cloud_fusion{0.0, 0.0, 4e-7, 4e-5};  // of edge maps, at speed 1; its pairs where CloudResources says
+  std::map<std::string, EdgeLatency> edges = {};  // by name: those that differ
 };
 
 // As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing
@@ -92,11 +101,13 @@ class Latency {
   double map_bytes(std::uint32_t robot) const { return map_bytes_[robot]; }
   // Of the map that they make together, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps
   // share is their degree times both sizes; common parts of three and more are taken as independent. Never less than
-  // the largest of them. `robots` ascending. Algorithm 3 places by it; our edges send more (sent_bytes).
+  // the largest of them. `robots` ascending. Algorithm 3 places by it; what our edges send: sent_bytes.
   double fused_bytes(const std::vector<std::uint32_t>& robots) const;
-  // What an edge sends to the cloud for this robot, whoever else is there: common parts are sent as often as they were
-  // mapped.
-  double sent_bytes(std::uint32_t robot) const { return model_.edge_bytes_per_map_byte * map_bytes_[robot]; }
+  // What an edge sends to the cloud for this robot, whoever else is there: its share of what all come to.
+  double sent_bytes(std::uint32_t robot, std::uint32_t edge) const {
+    return edge_models_[edge].bytes_per_map_byte * map_bytes_[robot];
+  }
+  const FusionTime& edge_fusion(std::uint32_t edge) const { return edge_models_[edge].fusion; }
   double cloud_delay_s(std::uint32_t edge) const { return problem_.edges[edge].delay_s.value_or(model_.cloud_delay_s); }
   double shared_scans() const { return all_shared_; }  // FusedScans::shared of all robots
   // From the beginning until the edge's map is in the cloud: eq. 2 and its part of eq. 3; 0 without robots.
@@ -117,8 +128,13 @@ class Latency {
   double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
   double shared_scans(const std::vector<std::uint32_t>& robots) const;                // FusedScans::shared
   double shared_scans(std::uint32_t robot, const Neighbour& other) const;             // of these two
+  struct EdgeModel {                                                                  // of each edge of the problem
+    double slam_s_per_scan, bytes_per_map_byte;
+    FusionTime fusion;
+  };
   const Problem& problem_;
   const LatencyModel& model_;
+  std::vector<EdgeModel> edge_models_;
   std::vector<double> map_bytes_;
   double all_shared_ = 0.0;
 };
