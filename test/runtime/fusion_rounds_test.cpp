@@ -66,7 +66,7 @@ TEST_F(RunInRounds, leaves_the_same_final_map_as_without) {
   EXPECT_GT(by_area.work.rounds.size(), 1u);
 }
 
-TEST_F(RunInRounds, tells_when_the_first_joint_map_was_there) {
+TEST_F(RunInRounds, reports_when_the_first_joint_map_was_there) {
   configuration.cloud.rounds.period_s = 4.0;
   configuration.cloud.rounds.pictures = 2;
   const Report report = run("rounds");

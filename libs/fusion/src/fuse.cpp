@@ -1,6 +1,7 @@
 #include "decision/component_audit.h"
 #include "decision/connections.h"
 #include "early_end.h"
+#include "laser/wall_sight.h"
 #include "team/team_in_plane.h"
 #include "team/team_in_space.h"
 
@@ -26,6 +27,7 @@ class Fusing {
 
   FusionResult run() {
     Stopwatch watch;
+    if (input_.sights) input_.sights->begin();
     double matching_s = 0.0, connecting_s = 0.0, optimising_s = 0.0;
     judging_.prepare_maps();
     result_.stages.push_back({"features", watch.lap()});
@@ -37,7 +39,7 @@ class Fusing {
       result_.components.clear();
       for (const PlacedTeam& team : teams) result_.components.push_back(composed(team));
       optimising_s += watch.lap();
-    } while (!audit_.pass(result_.components, pairs_));
+    } while (!input_.is_preview && !audit_.pass(result_.components, pairs_));
     result_.stages.push_back({"pairwise matching", matching_s});
     result_.stages.push_back({"component connection", connecting_s});
     result_.stages.push_back({"transform optimisation", optimising_s});
@@ -153,6 +155,8 @@ std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<F
 std::shared_ptr<matching::ModelCache> make_models(const FusionOptions& options) {
   return std::make_shared<matching::ModelCache>(static_cast<std::size_t>(options.cache_mb) << 20U);
 }
+
+std::shared_ptr<KeptSights> make_sights() { return std::make_shared<KeptSights>(); }
 
 std::vector<FirstPair> first_pairs(const FusionInput& input, const FusionOptions& options, WorkerPool& pool) {
   Memo memo;

@@ -1,13 +1,11 @@
 // Rounds as JSON and in words.
 
 #include <mapweave/core/format.h>
-#include <mapweave/maps/reasons.h>
 #include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/rounds.h>
 #include <mapweave/scheduling/json_fields.h>
 
-#include <algorithm>
-#include <cmath>
+#include <string>
 
 namespace mapweave::runtime {
 namespace {

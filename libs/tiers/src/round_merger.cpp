@@ -72,7 +72,10 @@ std::uint64_t RoundNews::bytes() const {
 }
 
 RoundMerger::RoundMerger(TierId tier, fusion::FusionOptions options)
-    : tier_(tier), options_(std::move(options)), models_(fusion::make_models(options_)) {
+    : tier_(tier),
+      options_(std::move(options)),
+      models_(fusion::make_models(options_)),
+      sights_(fusion::make_sights()) {
   options_.candidates_per_submap = std::min(options_.candidates_per_submap, kCandidates);
   options_.most_pairs = std::min(options_.most_pairs, kMostPairs);
 }
@@ -150,6 +153,7 @@ fusion::FusionInput RoundMerger::input() {
   input.by = tier_;
   input.priors = priors_;
   input.models = models_;
+  input.sights = sights_;
   input.is_preview = true;
   std::size_t submaps = 0;
   for (const auto& entry : known_) {
@@ -179,8 +183,8 @@ const fusion::FusionResult& RoundMerger::fuse(WorkerPool& pool, Progress& progre
 
 RoundNews RoundMerger::news() {
   RoundNews news;
-  for (auto& [id, known] : known_)
-    if (auto update = known.up.next(known.map())) news.updates.push_back(std::move(*update));
+  for (auto& entry : known_)
+    if (auto update = entry.second.up.next(entry.second.map())) news.updates.push_back(std::move(*update));
   std::set<MatchKey> now;
   for (const MergedMaps& merged : merged_)
     for (const MatchedSubmaps& match : merged.matches) now.insert(key_of_match(match));

@@ -119,6 +119,7 @@ void LaserMerger::close_loops(LaserTeam& team) {
     team.solved = std::move(found.solved);
   };
   search();
+  if (input_.is_preview) return;  // where walls stand a little apart, the next round may show more
   std::set<Hash> asked;
   for (int round = 0; round < kMostMendings; ++round) {
     const std::vector<SubmapMatch> found = matches_at_ghosts(
@@ -226,7 +227,7 @@ void LaserMerger::merge_all() {
     do {
       while (merge_surest()) is_over(input_);
     } while (ask_more(count, asked) && (any = true));
-    any = any || propose_whole_maps();
+    any = any || (!input_.is_preview && propose_whole_maps());
   }
   for (LaserTeam& team : teams_) close_loops(team);
   split_unconnected();

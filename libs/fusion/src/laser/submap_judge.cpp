@@ -58,7 +58,12 @@ std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions)
 
 std::shared_ptr<const WallSight> SubmapJudge::made(std::size_t submap) const {
   const PreparedMap& map = maps_[graph_.map_of(submap)];
-  return std::make_shared<const WallSight>(*cache_.get(submap_of(map, graph_.submap_of(submap)), map.map->nodes));
+  const Submap& known = submap_of(map, graph_.submap_of(submap));
+  if (input_.sights)
+    if (auto kept = input_.sights->find(known.content)) return kept;
+  auto sight = std::make_shared<const WallSight>(*cache_.get(known, map.map->nodes));
+  if (input_.sights) input_.sights->add(known.content, sight);
+  return sight;
 }
 
 std::shared_ptr<const WallSight> SubmapJudge::sight(std::size_t submap) {

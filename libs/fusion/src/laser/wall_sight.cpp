@@ -118,4 +118,24 @@ void WallSightCache::add(std::size_t submap, std::shared_ptr<const WallSight> si
   }
 }
 
+void KeptSights::begin() {
+  const std::lock_guard lock(mutex_);
+  for (auto entry = entries_.begin(); entry != entries_.end();)
+    entry = entry->second.used_by == merge_ ? std::next(entry) : entries_.erase(entry);
+  ++merge_;
+}
+
+std::shared_ptr<const WallSight> KeptSights::find(const Hash& content) {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(content);
+  if (found == entries_.end()) return nullptr;
+  found->second.used_by = merge_;
+  return found->second.sight;
+}
+
+void KeptSights::add(const Hash& content, std::shared_ptr<const WallSight> sight) {
+  const std::lock_guard lock(mutex_);
+  entries_[content] = {std::move(sight), merge_};
+}
+
 }  // namespace mapweave::fusion

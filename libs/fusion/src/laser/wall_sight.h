@@ -10,6 +10,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 namespace mapweave::fusion {
@@ -67,6 +68,24 @@ class WallSightCache {
   bool is_full_ = false;
   std::list<std::size_t> recent_;
   std::map<std::size_t, std::pair<std::shared_ptr<const WallSight>, std::list<std::size_t>::iterator>> entries_;
+};
+
+// Of submaps by their content, for who merges the same maps again. What a merge did not use is given up when the next
+// one begins. Thread-safe.
+class KeptSights {
+ public:
+  void begin();                                                // a merge
+  std::shared_ptr<const WallSight> find(const Hash& content);  // none where it is not kept
+  void add(const Hash& content, std::shared_ptr<const WallSight> sight);
+
+ private:
+  struct Entry {
+    std::shared_ptr<const WallSight> sight;
+    std::uint64_t used_by;  // a merge
+  };
+  std::mutex mutex_;
+  std::uint64_t merge_ = 0;
+  std::map<Hash, Entry> entries_;
 };
 
 }  // namespace mapweave::fusion

@@ -25,6 +25,8 @@ class ModelCache;
 
 namespace mapweave::fusion {
 
+class KeptSights;
+
 // Maps that a merge before this one found to belong together.
 struct PreviousMerge {
   std::vector<MapId> members;           // sorted
@@ -64,9 +66,10 @@ struct FusionInput {
   // Of maps of lasers: what edges merged already. Taken as they are, unless what else is known contradicts them
   // (FusionResult::reopened). What names a map, a submap or a node that is not here is left out.
   std::vector<MergedMaps> merged = {};
-  // Of maps of lasers that still grow: they lie as the graph of their submaps puts them, no scan is matched again, and
-  // nobody looks whether two are copies of one recording. For rounds while robots drive.
+  // Of maps of lasers that still grow, in rounds while robots drive: they lie as the graph of their submaps puts them;
+  // no scan is matched again, maps are not laid on each other as wholes, and copies of a recording are not looked for.
   bool is_preview = false;
+  std::shared_ptr<KeptSights> sights = {};  // to be kept for the next merge of the same maps; speed, never content
   // Where it is given, an interruption ends the search for places that coincide instead of fuse(): it becomes true,
   // what was found until then decides, and the interruption is taken (clear_interrupt()).
   std::shared_ptr<std::atomic<bool>> early_end = {};
@@ -140,8 +143,9 @@ struct FirstPair {
 // are not there.
 std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<FirstPair>&, const FusionOptions&, Memo&,
                                    WorkerPool&, Progress&);
-// For FusionInput::models.
+// For FusionInput::models and ::sights.
 std::shared_ptr<matching::ModelCache> make_models(const FusionOptions&);
+std::shared_ptr<KeptSights> make_sights();
 // With each map of a laser those most like it. Sorted, of each the lower id first.
 std::vector<FirstPair> first_pairs(const FusionInput&, const FusionOptions&, WorkerPool&);
 

@@ -71,6 +71,7 @@ class RoundMerger {
   bool has_news_ = false, is_anew_ = false;
   fusion::Memo memo_;
   std::shared_ptr<matching::ModelCache> models_;
+  std::shared_ptr<fusion::KeptSights> sights_;
   fusion::FusionResult result_;
 };
 
