@@ -49,6 +49,19 @@ std::vector<std::pair<std::string, std::string>> environment_for(const OptionFie
   return variables;
 }
 
+void add_start_flag(CLI::App& verb, std::vector<std::filesystem::path>& maps) {
+  verb.add_option("--map", maps,
+                  "begin with this map of a session before: a map.mwdb, a map server's journal (.mwj) or a folder of "
+                  "results; the new map joins it and has the frame of the first one; repeatable")
+      ->type_name("MAP.mwdb|MAP.mwj|DIR")
+      ->allow_extra_args(false);
+}
+
+void begin_with(const std::vector<std::filesystem::path>& maps, runtime::RunConfiguration& configuration) {
+  for (const std::filesystem::path& map : maps)
+    configuration.maps.push_back(std::filesystem::absolute(map).lexically_normal().string());
+}
+
 ExitCode report_result(const runtime::Report& report, const std::filesystem::path& out, bool json) {
   if (json)
     std::cout << runtime::json_text(runtime::summary_json(report)) << '\n';

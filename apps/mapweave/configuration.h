@@ -23,6 +23,11 @@ LoadedConfiguration load_configuration(const std::filesystem::path& file, std::v
 // deployment) is left out; what none knows stays, so that loading refuses it.
 std::vector<std::pair<std::string, std::string>> environment_for(const OptionFields& options);
 
+// --map of run and slam: `maps` of the configuration, by paths relative to where the program was started; after those
+// of its file.
+void add_start_flag(CLI::App& verb, std::vector<std::filesystem::path>& maps);
+void begin_with(const std::vector<std::filesystem::path>& maps, runtime::RunConfiguration&);
+
 // Prints the report of what was written to `out`; returns its exit code.
 ExitCode report_result(const runtime::Report&, const std::filesystem::path& out, bool json);
 

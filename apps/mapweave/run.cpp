@@ -13,6 +13,7 @@ namespace mapweave::app {
 Action set_up_run(CLI::App& verb) {
   struct Arguments {
     std::filesystem::path file;
+    std::vector<std::filesystem::path> maps;
     bool keep_going = false;
     WritingFlags flags;
   };
@@ -20,14 +21,17 @@ Action set_up_run(CLI::App& verb) {
   verb.add_option("CONFIG", arguments->file, "robots and their logs; all keys: mapweave config reference")
       ->required()
       ->type_name("CONFIG.yaml");
+  add_start_flag(verb, arguments->maps);
   verb.add_flag("--keep-going", arguments->keep_going, "bad input ends its robot's stream only; the others finish");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     expect_configuration(arguments->file);
-    const LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
+    LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
+    begin_with(arguments->maps, loaded.configuration);
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     std::vector<std::filesystem::path> inputs{arguments->file};
     for (const runtime::PlannedRobot& robot : plan.robots) inputs.push_back(robot.log);
+    inputs.insert(inputs.end(), plan.maps.begin(), plan.maps.end());
     expect_outside(arguments->flags.out, inputs);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();

@@ -15,6 +15,7 @@ namespace mapweave::app {
 Action set_up_slam(CLI::App& verb) {
   struct Arguments {
     std::filesystem::path log;
+    std::vector<std::filesystem::path> maps;
     std::string sensor, engine, robot;
     bool keep_going = false;
     WritingFlags flags;
@@ -29,6 +30,7 @@ Action set_up_slam(CLI::App& verb) {
                   "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
       ->check(one_of({"graph", "rbpf", "icp"}));
   verb.add_option("--robot", arguments->robot, "the robot's name; without it: the log's file name")->type_name("NAME");
+  add_start_flag(verb, arguments->maps);
   verb.add_flag("--keep-going", arguments->keep_going, "map what comes before bad input instead of nothing");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
@@ -41,8 +43,11 @@ Action set_up_slam(CLI::App& verb) {
       throw Error(ErrorCode::kUsage, "slam maps the log that it is given", "--set robots",
                   "use mapweave run for several robots");
     loaded.configuration.robots = {{arguments->robot, std::filesystem::absolute(arguments->log).string(), ""}};
-    expect_outside(arguments->flags.out, {arguments->log});
+    begin_with(arguments->maps, loaded.configuration);
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
+    std::vector<std::filesystem::path> inputs{arguments->log};
+    inputs.insert(inputs.end(), plan.maps.begin(), plan.maps.end());
+    expect_outside(arguments->flags.out, inputs);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::RunSettings run{arguments->flags.out, arguments->flags.force, arguments->keep_going};

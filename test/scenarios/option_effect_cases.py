@@ -207,6 +207,7 @@ edges.0.capacity 1; robots.0.edge="" robots.1.edge="" edges=[{id: north}]
 edges.0.speed 0.5; edges=[{id: edge0},{id: edge1}]
 cloud.at edge0; network.edge_cloud.delay_s=36000
 cloud.push_to [alpha]
+maps [{maps}/robots/alpha/map.mwdb]
 cloud.edges_judge false
 robots.0.laser {graph: {front_end: {submap_length_m: 3}}}
 robots.0.reading {max_object_mb: 0.0001}

@@ -49,6 +49,23 @@ TEST_F(CloudTest, answers_alike_whatever_the_order_of_updates_and_their_repetiti
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(other.seal(pool, *progress)));
 }
 
+TEST_F(CloudTest, fuses_maps_that_it_began_with_as_those_that_came) {
+  const Map before = test::make_map("before", 6), alpha = test::make_map("alpha", 6, 100.0, 2.05);
+  CloudMerger received(TierId("cloud"), {});
+  received.receive(first_update(before, TierId("north")), "test");
+  for (CloudMerger* one : {&cloud, &received}) one->receive(first_update(alpha, TierId("north")), "test");
+  cloud.begin_with({before});
+  const auto all = cloud.seal(pool, *progress);
+  EXPECT_EQ(everything(all), everything(received.seal(pool, *progress)));
+  EXPECT_TRUE(cloud.judging_tasks({TierId("north"), TierId("south")}, pool).empty()) << "no edge has that map";
+  EXPECT_EQ(cloud.receipts().size(), 1u);
+
+  cloud.set_refused({{MapId("alpha"), MapId("before")}});
+  const auto refused = cloud.seal(pool, *progress);
+  EXPECT_EQ(refused.components.size(), 2u);
+  EXPECT_EQ(refused.verdicts.at(0).reason, Reason::excluded);
+}
+
 TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
   EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {}, kWhole);
   std::size_t judgements = 0;

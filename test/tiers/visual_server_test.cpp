@@ -46,6 +46,50 @@ TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
   EXPECT_LT(team.error_m(team.server.merged().components.front()), 0.05);
 }
 
+TEST(VisualServer, begins_with_the_map_of_a_session_before) {
+  Map before;
+  for (Map& map : apartment().server.maps())
+    if (map.robots().front() == RobotId("alpha")) before = std::move(map);
+  ASSERT_FALSE(before.empty());
+  auto options = two_in_an_apartment();
+  options.robots.erase(options.robots.begin());
+  for (const bool begins_with_map : {false, true}) {
+    FeatureTeam lone(options, sharing(Sharing::view));
+    if (begins_with_map) lone.server.begin_with({before, Map{}});
+    lone.run();
+    EXPECT_EQ(lone.server.maps().size(), begins_with_map ? 2U : 1U);
+    EXPECT_EQ(lone.robots[0].borrowed_seen > 20, begins_with_map) << lone.robots[0].borrowed_seen;
+    EXPECT_LT(lone.robots[0].error_m(), 0.05);
+    ASSERT_EQ(lone.server.merged().components.size(), 1U) << "joined while it drives";
+    EXPECT_EQ(lone.server.merged().components.front().members.size(), begins_with_map ? 2U : 1U);
+    std::size_t of_clients = 0;
+    for (const auto& [from, update] : lone.server.snapshot()) of_clients += from.client == lone.robots[0].place.client;
+    EXPECT_EQ(lone.server.snapshot().size(), of_clients) << "what it began with is no client's";
+  }
+}
+
+TEST(VisualServer, knows_a_picture_again_by_a_map_of_a_session_before) {
+  Map before;
+  for (Map& map : apartment().server.maps())
+    if (map.robots().front() == RobotId("alpha")) before = std::move(map);
+  const auto& [id, node] = before.nodes.begin()[static_cast<std::ptrdiff_t>(before.nodes.size() / 2)];
+  VisualServer server(TierId("edge"), sharing(Sharing::view), {});
+  server.begin_with({before});
+  WorkerPool pool(1);
+  server.advance(node.stamp, pool);  // the first merge begins
+  server.advance({node.stamp.ns + 5'000'000'000}, pool);
+  const SessionId lost{{RobotId("beta"), SensorId("front")}, 7};
+  server.greet(test::hello_of(lost));
+  PlaceRequest request;
+  request.stamp = node.stamp;
+  request.features = *keyframe_of(node);
+  const auto place = server.place(lost, request, pool);
+  ASSERT_TRUE(place);
+  EXPECT_EQ(place->map, before.id);
+  EXPECT_LT((place->map_from_robot.t - node.map_from_node.t).norm(), 0.1);
+  EXPECT_GT(place->landmarks.size(), 20U);
+}
+
 TEST(VisualServer, joins_step_by_step_about_as_it_seals) {
   VisualServer& server = apartment().server;
   WorkerPool pool(1);

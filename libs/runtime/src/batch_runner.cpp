@@ -2,10 +2,10 @@
 #include "log_parts.h"
 #include "map_robots.h"
 #include "metered_tiers.h"
-#include "results.h"
+#include "robot_results.h"
 #include "shared_cameras.h"
+#include "start_maps.h"
 
-#include <mapweave/core/format.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/merge_requests.h>
@@ -28,13 +28,6 @@ bool finished(Work&& work) {
   }
 }
 
-// What was finished is to be saved in peace: a further signal ends that too.
-void acknowledge_interruption(Report& report, bool anything_finished) {
-  report.interrupted = true;
-  if (!anything_finished) throw Interrupted("interrupted before a map was finished; nothing was written");
-  clear_interrupt();
-}
-
 // The one that holds what the robot mapped; null where it left no map.
 const fusion::Component* component_of(const fusion::FusionResult& team, const RobotId& robot) {
   for (const fusion::Component& component : team.components)
@@ -44,10 +37,14 @@ const fusion::Component* component_of(const fusion::FusionResult& team, const Ro
 }
 
 // What robots get of the team's maps: the one that they are in.
-void push(const fusion::FusionResult& team, const CloudEntry& cloud, Work& work) {
-  for (const std::string& name : cloud.push_to)
+void push(const fusion::FusionResult& team, const CloudEntry& cloud, Report& report) {
+  for (const std::string& name : cloud.push_to) {
     if (const auto* component = component_of(team, RobotId(name)))
-      work.pushes.push_back({RobotId(name), tiers::first_update(component->map, cloud_tier()).size()});
+      report.work.pushes.push_back({RobotId(name), tiers::first_update(component->map, cloud_tier()).size(),
+                                    "robots/" + name + "/" + kNextRun});
+    else
+      report.notes.push_back("robot " + name + " left no map: it is sent no team's map");
+  }
 }
 
 // By a robot's cameras: what their clients published while they mapped; else their maps, at the end.
@@ -82,16 +79,6 @@ std::vector<OverlapOfRobots> overlaps_of(const fusion::FusionResult& team,
   return overlaps;
 }
 
-void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map,
-         const CamerasOutcome& cameras) {
-  const bool by_laser = cameras.maps.empty() || !map.submaps.empty();
-  if (by_laser) results.add_map(folder, title, map);
-  if (cameras.maps.empty()) return;
-  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title,
-                      dense && !by_laser, cameras);
-  if (dense && by_laser) results.add_dense(folder, title, map, cameras);
-}
-
 tiers::RobotUpdates updates_of(const tiers::RobotOutcome& outcome) {
   tiers::RobotUpdates sent{outcome.robot, {}};
   const TierId robot(outcome.robot.str());
@@ -112,7 +99,14 @@ class TeamRun {
         progress_(progress),
         results_(settings.out, settings.force, configuration, pool, progress),
         plan_(plan),
-        cloud_(tiers::CloudMerger(cloud_tier(), configuration.fusion)) {}
+        starts_(read_start_maps(configuration, plan)),
+        cloud_(tiers::CloudMerger(cloud_tier(), configuration.fusion)) {
+    report_.notes = starts_.notes;
+    inputs_ = starts_.files;
+    cloud_.begin_with(starts_.maps);
+    cloud_.set_refused(starts_.refused);
+    frame_request();  // says now what is wrong with it
+  }
 
   Report run() {
     const bool is_whole = map();
@@ -140,6 +134,7 @@ class TeamRun {
   void take(std::vector<std::optional<RobotResult>> robots);
   void take(RoundsReport rounds);
   void take_starts();
+  FrameRequest frame_request() const;
   FrameChoice frame_choice() const;
   std::vector<const Map*> own_maps() const;
   void send_to_cloud(const std::vector<std::string>& updates, const std::string& from);
@@ -155,6 +150,7 @@ class TeamRun {
   Progress& progress_;
   Results results_;
   RunPlan plan_;  // with the edges that a coordinator chose
+  StartMaps starts_;
   Report report_;
   std::vector<InputFile> inputs_;
   std::vector<tiers::RobotOutcome> outcomes_;
@@ -172,11 +168,12 @@ bool TeamRun::map() {
   if (configuration_.coordinator.method != Coordination::none) coordinated.emplace(configuration_, plan_);
   std::optional<FusionRounds> rounds;
   if (configuration_.cloud.rounds.are_on()) rounds.emplace(configuration_, plan_);
-  auto robots = map_robots(configuration_, plan_, {coordinated ? &*coordinated : nullptr, rounds ? &*rounds : nullptr},
-                           {settings_.keep_going, false}, pool_, progress_);
+  auto robots =
+      map_robots(configuration_, plan_, {coordinated ? &*coordinated : nullptr, rounds ? &*rounds : nullptr, &starts_},
+                 {settings_.keep_going, false}, pool_, progress_);
   if (coordinated) report_.coordination = coordinated->take_report();
   if (rounds) take(rounds->take_report());
-  if (const auto note = note_on_sharing(configuration_, plan_)) report_.notes.push_back(*note);
+  if (const auto note = note_on_sharing(configuration_, plan_, !starts_.maps.empty())) report_.notes.push_back(*note);
   const bool is_whole = std::all_of(robots.begin(), robots.end(), [](const auto& robot) { return robot.has_value(); });
   take(std::move(robots));
   if (!is_whole) acknowledge_interruption(report_, is_any_mapped());
@@ -220,16 +217,21 @@ void TeamRun::take_starts() {
   priors_ = priors_of_starts(started);
   const auto of_parts = priors_of_parts(plan_, outcomes_);
   priors_.insert(priors_.end(), of_parts.begin(), of_parts.end());
+  priors_.insert(priors_.end(), starts_.priors.begin(), starts_.priors.end());
   cloud_.set_priors(priors_);
   if (const auto alone = start_alone(started)) report_.notes.push_back(*alone);
 }
 
-// Robots' own maps in the order in which robots are listed.
-FrameChoice TeamRun::frame_choice() const {
-  FrameChoice choice;
+FrameRequest TeamRun::frame_request() const {
   std::vector<std::string> names;
   for (const PlannedRobot& robot : plan_.robots) names.insert(names.end(), {robot.id.str(), robot.robot().str()});
-  choice.request = parse_frame(configuration_.team.frame, names, {ErrorCode::kBadInput, "team.frame"});
+  return parse_frame(configuration_.team.frame, with_names_of(starts_, std::move(names)),
+                     {ErrorCode::kBadInput, "team.frame"});
+}
+
+// The maps that it began with, then robots' own maps in the order in which robots are listed.
+FrameChoice TeamRun::frame_choice() const {
+  FrameChoice choice{frame_request(), starts_.given};
   for (const RobotEntry& entry : effective(configuration_, given_).robots)
     for (const tiers::RobotOutcome& outcome : outcomes_) {
       const auto planned = std::find_if(plan_.robots.begin(), plan_.robots.end(),
@@ -243,6 +245,7 @@ FrameChoice TeamRun::frame_choice() const {
 
 std::vector<const Map*> TeamRun::own_maps() const {
   std::vector<const Map*> maps;
+  for (const Map& map : starts_.maps) maps.push_back(&map);
   for (const tiers::RobotOutcome& outcome : outcomes_) {
     if (outcome.map) maps.push_back(&*outcome.map);
     for (const Map& map : outcome.apart) maps.push_back(&map);
@@ -336,7 +339,7 @@ void TeamRun::report_work() {
   work.planning_s = cloud_.planning_s();
   for (std::size_t i = 0; i < work.robots.size(); ++i)
     work.robots[i].sensed_bytes += bytes_published(report_.robots[i], work.robots[i]);
-  push(team_, configuration_.cloud, work);
+  push(team_, configuration_.cloud, report_);
   if (report_.coordination && !report_.coordination->decisions.empty())
     for (const auto& [a, b, degree] : report_.coordination->decisions.back().overlaps)
       work.overlaps.push_back({a, b, degree});
@@ -347,10 +350,13 @@ void TeamRun::report_work() {
 void TeamRun::write() {
   for (std::size_t i = 0; i < outcomes_.size(); ++i) {
     const std::string name = outcomes_[i].robot.str();
-    if (outcomes_[i].map) add(results_, "robots/" + name, "robot " + name, false, *outcomes_[i].map, cameras_[i]);
+    if (outcomes_[i].map) add_robot(results_, "robots/" + name, "robot " + name, *outcomes_[i].map, cameras_[i]);
   }
   results_.set_own_maps(own_maps());
-  results_.set_requests(kept_requests(priors_, configuration_.fusion));
+  results_.set_cut_short(starts_.cut_short);
+  KeptRequests requests = kept_requests(priors_, configuration_.fusion);
+  requests.refused = starts_.refused;
+  results_.set_requests(std::move(requests));
   write_edges();
   write_team();
   if (report_.rounds) results_.add_rounds(report_);
@@ -381,6 +387,7 @@ void TeamRun::write_team() {
     results_.add_components(
         {TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " received it", {frame}}, pushed_map,
         cameras_, report_);
+    results_.add_file(pushed.next_run, next_run_text(pushed.robot));
   }
 }
 
@@ -389,40 +396,6 @@ void TeamRun::write_team() {
 Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
                  WorkerPool& pool, Progress& progress) {
   return TeamRun(configuration, plan, settings, pool, progress).run();
-}
-
-Report run_slam(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings,
-                WorkerPool& pool, Progress& progress) {
-  MAPWEAVE_EXPECT(given.robots.size() == 1, "slam maps one robot");
-  Results results(settings.out, settings.force, configuration, pool, progress);
-  Report report;
-  RunPlan plan = given;
-  const auto robots = map_robots(configuration, plan, {}, {settings.keep_going, true}, pool, progress);
-  if (!robots.front()) acknowledge_interruption(report, false);
-  const RobotResult& robot = *robots.front();
-  if (robot.report.is_cut_short && !robot.outcome.map) acknowledge_interruption(report, false);
-  report.robots = {robot.report};
-  report.robots.front().edge = TierId();
-  report.notes = robot.notes;
-  if (robot.report.is_cut_short) {
-    report.interrupted = true;
-    report.notes.push_back(
-        format("robot %s: its log is cut short by an interruption after %.1f s; the map shows what came before",
-               robot.report.id.str().c_str(), robot.report.log_seconds));
-    results.set_cut_short(format("after %.1f s of the log", robot.report.log_seconds));
-  }
-  report.stages.push_back({TierId(), "mapping", robot.report.wall_seconds});
-  if (robot.outcome.map) {
-    report.team.components = {{robot.outcome.map->id}};
-    for (const Map& map : robot.outcome.apart) report.team.components.push_back({map.id});
-    add(results, "", "robot " + robot.report.id.str(), true, *robot.outcome.map, robot.cameras);
-  } else if (robot.outcome.trouble) {
-    throw *robot.outcome.trouble;
-  }
-  std::vector<InputFile> inputs;
-  if (robot.input) inputs.push_back(*robot.input);
-  results.commit("slam", effective(configuration, given), inputs, report);
-  return report;
 }
 
 }  // namespace mapweave::runtime

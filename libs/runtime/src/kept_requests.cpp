@@ -97,6 +97,17 @@ KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const s
   return kept;
 }
 
+KeptRequests renamed(const KeptRequests& kept, const std::function<MapId(const MapId&)>& name_of) {
+  KeptRequests result = kept;
+  result.refused.clear();
+  for (const auto& [a, b] : kept.refused) result.refused.insert(std::minmax(name_of(a), name_of(b)));
+  for (fusion::MapPrior& prior : result.priors) {
+    prior.a = name_of(prior.a);
+    prior.b = name_of(prior.b);
+  }
+  return result;
+}
+
 void note_vocabulary(const KeptRequests& kept, const fusion::FusionOptions& options, std::vector<std::string>& notes) {
   if (kept.vocabulary == hash_of_given(options.visual.vocabulary)) return;
   const auto named = [](const std::string& hash) { return hash.empty() ? "the one that mapweave brings" : hash; };

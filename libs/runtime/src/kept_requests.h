@@ -3,6 +3,7 @@
 
 #include <mapweave/fusion/fuse.h>
 
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -25,6 +26,9 @@ KeptRequests kept_requests(std::vector<fusion::MapPrior>, const fusion::FusionOp
 void keep(const KeptRequests&, const std::vector<MapId>& maps, std::map<std::string, std::string>& metadata);
 // What a store keeps; nothing of one that keeps none. Throws Error(kCorrupt) for what is no such text.
 KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const std::string& where);
+
+// The same of maps that have other names here.
+KeptRequests renamed(const KeptRequests&, const std::function<MapId(const MapId&)>& name_of);
 
 // A note where the team was made with another vocabulary than a merge of `options` works with.
 void note_vocabulary(const KeptRequests&, const fusion::FusionOptions& options, std::vector<std::string>& notes);

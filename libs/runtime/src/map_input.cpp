@@ -7,6 +7,7 @@
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/map_input.h>
+#include <mapweave/runtime/run_configuration.h>
 #include <mapweave/tiers/visual_server.h>
 
 #include <algorithm>
@@ -77,6 +78,19 @@ std::vector<std::filesystem::path> team_folders(const std::filesystem::path& res
   add("team");
   for (int i = 1; add("team-" + std::to_string(i));) ++i;
   return folders;
+}
+
+std::vector<GivenPath> with_teams_of_results(const std::vector<std::filesystem::path>& paths) {
+  std::vector<GivenPath> result;
+  for (const std::filesystem::path& path : paths) {
+    std::error_code ignored;
+    const std::vector<std::filesystem::path> teams = team_folders(path);
+    const std::string name = name_of_file(std::filesystem::weakly_canonical(path, ignored));
+    for (const std::filesystem::path& team : teams)
+      result.push_back({team / "map.mwdb", team == teams.front() ? name : name + "/" + team.filename().string()});
+    if (teams.empty()) result.push_back({path, ""});
+  }
+  return result;
 }
 
 MapInput read_map_input(const std::filesystem::path& path, MapId name) {

@@ -18,21 +18,24 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
 }  // namespace
 
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, RunPlan& plan,
-                                                   const Lookers& lookers, const EarlyEnds& ends, WorkerPool& pool,
-                                                   Progress& progress) {
+                                                   const RobotsAround& around, const EarlyEnds& ends,
+                                                   WorkerPool& pool, Progress& progress) {
   const bool keep_going = ends.keep_going;
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;
   std::map<RobotId, LaserOutcome> lasers;
+  const std::vector<Map> no_maps;
   try {
     choose_sensors(plan, configuration, pool);
+    if (around.starts != nullptr) expect_same_senses(*around.starts, plan);
     divide_logs(plan, configuration, pool);
-    if (lookers.coordinated != nullptr || lookers.rounds != nullptr) {
-      LasersInStep in_step(configuration, plan, keep_going, lookers.coordinated != nullptr, progress);
-      lasers = map_in_step(in_step, lookers.coordinated, lookers.rounds, pool);
+    if (around.coordinated != nullptr || around.rounds != nullptr) {
+      LasersInStep in_step(configuration, plan, keep_going, around.coordinated != nullptr, progress);
+      lasers = map_in_step(in_step, around.coordinated, around.rounds, pool);
     }
     if (configuration.server.share != tiers::Sharing::none)
-      shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
+      shared = map_shared_cameras(configuration, plan, around.starts != nullptr ? around.starts->maps : no_maps,
+                                  keep_going, pool, progress);
   } catch (const Interrupted&) {
     return std::vector<std::optional<RobotResult>>(plan.robots.size());
   }

@@ -3,6 +3,7 @@
 
 #include "coordinated_robots.h"
 #include "fusion_rounds.h"
+#include "start_maps.h"
 
 #include <mapweave/runtime/robot_task.h>
 
@@ -17,15 +18,18 @@ struct EarlyEnds {
   bool saves_part = false;  // an interruption (map_robot); of one robot alone, not of cameras that share while they map
 };
 
-// Who looks at lasers' maps while they grow; each may be null. Robots are driven together then.
-struct Lookers {
+// What is there beside the robots; each may be null. The first two look at lasers' maps while they grow: robots are
+// driven together then.
+struct RobotsAround {
   CoordinatedRobots* coordinated = nullptr;
   FusionRounds* rounds = nullptr;
+  const StartMaps* starts = nullptr;  // that cameras which share know from the start
 };
 
-// Chooses the sensors of the plan, and maps. Every robot of the plan, nullopt for those that were interrupted.
-// Throws the first trouble with a robot, unless it is to be lived with, and Interrupted where that says more.
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, RunPlan&, const Lookers&, const EarlyEnds&,
-                                                   WorkerPool&, Progress&);
+// Chooses the sensors of the plan, and maps. Every robot of the plan, nullopt for those that were interrupted. Throws
+// Error(kBadInput) for start maps of other sensors, the first trouble with a robot, unless it is to be lived with,
+// and Interrupted where that says more.
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, RunPlan&, const RobotsAround&,
+                                                   const EarlyEnds&, WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

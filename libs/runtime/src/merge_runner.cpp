@@ -28,29 +28,6 @@ struct Inputs {
   std::map<MapId, std::string> cut_short;  // where an interruption ended the log of a map
 };
 
-struct GivenPaths {
-  std::vector<std::filesystem::path> paths;
-  std::vector<std::string> given_as;  // of each, what a folder of results is called; else empty
-};
-
-// Of a folder of results: the stores of its teams, which hold the robots' own maps.
-GivenPaths with_teams_of_results(const std::vector<std::filesystem::path>& paths) {
-  GivenPaths result;
-  for (const std::filesystem::path& path : paths) {
-    std::error_code ignored;
-    const std::vector<std::filesystem::path> teams = team_folders(path);
-    const std::string name = name_of_file(std::filesystem::weakly_canonical(path, ignored));
-    for (const std::filesystem::path& team : teams) {
-      result.given_as.push_back(team == teams.front() ? name : name + "/" + team.filename().string());
-      result.paths.push_back(team / "map.mwdb");
-    }
-    if (!teams.empty()) continue;
-    result.paths.push_back(path);
-    result.given_as.emplace_back();
-  }
-  return result;
-}
-
 struct NamedInput {
   std::filesystem::path path;
   MapId name;  // of the file
@@ -59,17 +36,6 @@ struct NamedInput {
   std::vector<MapId> held = {};       // its maps, as they are called here
   std::optional<GivenMap> team = {};  // where it holds the robots' own maps
 };
-
-KeptRequests renamed_in(const KeptRequests& kept, const std::function<MapId(const MapId&)>& renamed) {
-  KeptRequests result = kept;
-  result.refused.clear();
-  for (const auto& [a, b] : kept.refused) result.refused.insert(std::minmax(renamed(a), renamed(b)));
-  for (fusion::MapPrior& prior : result.priors) {
-    prior.a = renamed(prior.a);
-    prior.b = renamed(prior.b);
-  }
-  return result;
-}
 
 // Options that all teams were made with, where they were not given anew.
 void apply_options(const std::vector<KeptRequests>& kept, const Origins& origins, RunConfiguration& configuration,
@@ -128,7 +94,7 @@ void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
     };
     if (input.content.members.empty()) continue;
     if (input.content.maps.size() == 1) input.team = given_team(input, renamed);
-    inputs.kept.push_back(renamed_in(kept_in(input.content.metadata, input.path.string()), renamed));
+    inputs.kept.push_back(runtime::renamed(kept_in(input.content.metadata, input.path.string()), renamed));
     for (Map& member : input.content.members) {
       take_cut_short(input.content, cut_short_key(member.id), renamed(member.id), inputs);
       member.id = renamed(member.id);
@@ -168,7 +134,12 @@ void expect_one_robot_each(const NamedInput& input, const MergeRequests& request
 
 Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeRequests& requests) {
   Inputs inputs;
-  const auto [paths, given_as] = with_teams_of_results(given);
+  std::vector<std::string> given_as;
+  std::vector<std::filesystem::path> paths;
+  for (const GivenPath& one : with_teams_of_results(given)) {
+    paths.push_back(one.path);
+    given_as.push_back(one.given_as);
+  }
   const std::vector<MapId> names = names_of(paths);
   std::vector<NamedInput> read;
   for (std::size_t i = 0; i < paths.size(); ++i)

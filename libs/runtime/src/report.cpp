@@ -443,6 +443,10 @@ std::string in_words(const Report& report, const std::string& asked) {
                  edge.id.str().c_str(), edge.thinning.kept, edge.thinning.scans, 100.0 * edge.thinning.walls_left_out);
   text += in_words(report.team, report.team.tier.str());
   text += frames_in_words(report.team);
+  for (const PushWork& push : report.work.pushes)
+    text += format("robot %s received the team's map (%.0f kB); its next run begins with it: --map %s/robots/%s\n",
+                   push.robot.str().c_str(), 1e-3 * static_cast<double>(push.bytes), folder.c_str(),
+                   push.robot.str().c_str());
   for (const std::string& note : report.notes) text += "note: " + note + "\n";
   if (report.interrupted) text += "interrupted: what was finished is saved\n";
   const std::size_t components = report.team.components.size();

@@ -244,7 +244,7 @@ void Results::add_components(const FusedPlace& place, const fusion::FusionResult
     for (const CamerasOutcome& outcome : cameras)
       for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
         depth.push_back(std::move(trajectory));
-    if (place.tier == cloud_tier()) draw_dense(folder, name, depth);
+    if (place.with_depth) draw_dense(folder, name, depth);
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;
@@ -276,6 +276,20 @@ void Results::add_rounds(const Report& report) {
   output_seconds_ += watch.seconds() - (composing_seconds_ - composing_before);
 }
 
+void Results::add_file(const std::filesystem::path& file, const std::string& text) {
+  std::filesystem::create_directories((folder_.staging() / file).parent_path());
+  write_file(folder_.staging() / file, text);
+}
+
+void Results::put_trajectory_first(const RobotId& robot) {
+  const std::filesystem::path& top = folder_.staging();
+  for (const auto& [of, as] : {std::pair(std::filesystem::path("trajectories"), "trajectory.tum"),
+                               std::pair(std::filesystem::path("trajectories/robot"), "trajectory.robot.tum"),
+                               std::pair(std::filesystem::path("trajectories/optical"), "trajectory.optical.tum")})
+    if (const auto file = top / of / (robot.str() + ".tum"); std::filesystem::exists(file))
+      write_file(top / as, read_file(file));
+}
+
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,
                      Report& report) {
   report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
@@ -297,7 +311,8 @@ void Results::commit(const std::string& verb, const RunConfiguration& effective,
   const std::filesystem::path& staging = folder_.staging();
   write_file(staging / "config.yaml", to_yaml(effective));
   write_file(staging / "summary.json", json_text(summary_json(report)) + "\n");
-  if (verb != "slam") write_file(staging / "merges.json", json_text(merges_json(report)) + "\n");
+  if (verb != "slam" || !report.team.verdicts.empty())
+    write_file(staging / "merges.json", json_text(merges_json(report)) + "\n");
   std::vector<InputFile> all_inputs = inputs;
   if (const std::string& vocabulary = effective.visual.vocabulary; !vocabulary.empty())
     all_inputs.push_back({vocabulary, hash_of_file(vocabulary)});

@@ -28,9 +28,10 @@ struct FusedPlace {
   std::string folder, further, title;
   std::vector<TeamFrame> frames;  // of each component
   bool robot_trajectories = false, is_numbered = false;
+  bool with_depth = false;  // what depth cameras and stereo pairs saw between their landmarks is drawn too
 };
 inline FusedPlace team_place(std::vector<TeamFrame> frames) {
-  return {cloud_tier(), "team", "team-", "team", std::move(frames), true, true};
+  return {cloud_tier(), "team", "team-", "team", std::move(frames), true, true, true};
 }
 
 // In the metadata of a store: where an interruption ended the log of its map; of a team, that of a member.
@@ -54,11 +55,15 @@ class Results {
   // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
   void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
   // What was fused; its stages, and composing as the fifth, into the report. `cameras`: what the fused maps of
-  // keyframes came from, for the frames between them. Depth is the cloud's alone.
+  // keyframes came from, for the frames between them.
   void add_components(const FusedPlace& place, const fusion::FusionResult& fused,
                       const std::vector<CamerasOutcome>& cameras, Report& report);
   // rounds.json, and pictures of joint maps that came out of rounds.
   void add_rounds(const Report& report);
+  // A file of its own, beside what else is in its folder.
+  void add_file(const std::filesystem::path& file, const std::string& text);
+  // Of a joined map at the top: the robot's trajectory is the one to look at, as of a map of it alone.
+  void put_trajectory_first(const RobotId& robot);
   // Robots' own maps, as they were fused; stores of components keep those of their members, so that a merge can be
   // undone. They must outlive it.
   void set_own_maps(std::vector<const Map*> maps) { own_maps_ = std::move(maps); }

@@ -246,6 +246,31 @@ std::shared_ptr<const RunConfiguration> own_configuration(const RunConfiguration
   return own;
 }
 
+// By their full paths; reading them says what else is wrong.
+std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configuration, const Origins& origins) {
+  std::vector<std::filesystem::path> paths;
+  for (std::size_t i = 0; i < configuration.maps.size(); ++i) {
+    const std::filesystem::path given = configuration.maps[i];
+    const std::string map_key = "maps." + std::to_string(i);
+    const std::string where = given.is_absolute() ? "" : origins.place_of(map_key);
+    const std::filesystem::path folder = origins.file_of(map_key).parent_path();
+    paths.push_back(std::filesystem::absolute(folder / given).lexically_normal());
+    std::error_code ignored;
+    if (given.empty() || !std::filesystem::exists(paths.back(), ignored))
+      throw Error(ErrorCode::kMissing, "there is no map " + paths.back().string(), where,
+                  given.is_absolute() || folder.empty() ? "check its path"
+                                                        : "paths are relative to the configuration file");
+  }
+  return paths;
+}
+
+// Says now what is wrong with it; of a run that begins with maps, these have names too.
+void expect_frame(const RunConfiguration& configuration, const RunPlan& plan, const Origins& origins) {
+  if (plan.maps.empty())
+    parse_frame(configuration.team.frame, names_with_parts(plan),
+                {ErrorCode::kBadInput, origins.place_of("team.frame")});
+}
+
 }  // namespace
 
 RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins) {
@@ -318,8 +343,8 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
   plan.edges.assign(used.begin(), used.end());
   plan.network = network_of(configuration.network, plan, origins);
   expect_tiers(configuration, plan, origins);
-  parse_frame(configuration.team.frame, names_with_parts(plan),
-              {ErrorCode::kBadInput, origins.place_of("team.frame")});  // says now what is wrong with it
+  plan.maps = start_maps_of(configuration, origins);
+  expect_frame(configuration, plan, origins);
   if (is_coordinated && !configuration.coordinator.model.empty()) {
     const std::string where = "coordinator.model";
     plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model)
@@ -379,6 +404,8 @@ RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) 
   std::vector<EdgeEntry> edges;
   for (const TierId& edge : plan.edges) edges.push_back(edge_entry(configuration, edge));
   configuration.edges = std::move(edges);
+  configuration.maps.clear();
+  for (const std::filesystem::path& map : plan.maps) configuration.maps.push_back(map.string());
   configuration.network = plan.network;
   configuration.coordinator.model = plan.model.string();
   return configuration;

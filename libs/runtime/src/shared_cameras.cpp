@@ -74,8 +74,10 @@ struct Member {
 };
 
 // All robots of one edge, a moment at a time.
-void drive(std::deque<Member>& members, const RunConfiguration& configuration, const TierId& edge, WorkerPool& pool) {
+void drive(std::deque<Member>& members, const RunConfiguration& configuration, const TierId& edge,
+           const std::vector<Map>& starts, WorkerPool& pool) {
   tiers::VisualServer server(edge, configuration.server, configuration.fusion, configuration.rig);
+  server.begin_with(starts);
   const auto period_ns = static_cast<std::int64_t>(1e9 / configuration.server.share_rate_hz);
   const std::atomic<bool> give_up{false};
   for (std::optional<Stamp> moment;;) {
@@ -101,7 +103,8 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
 }  // namespace
 
 std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& configuration, const RunPlan& plan,
-                                                     bool keep_going, WorkerPool& pool, Progress& progress) {
+                                                     const std::vector<Map>& starts, bool keep_going,
+                                                     WorkerPool& pool, Progress& progress) {
   std::map<RobotId, CamerasOutcome> outcomes;
   for (const TierId& edge : plan.edges) {
     std::deque<Member> members;
@@ -110,7 +113,7 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
         members.push_back(
             {robot.id, CameraTask(robot, configuration_of(configuration, robot), keep_going, progress), {}});
     }
-    drive(members, configuration, edge, pool);
+    drive(members, configuration, edge, starts, pool);
     std::vector<CamerasOutcome> finished =
         pool.map(members.size(), [&](std::size_t i) { return members[i].task.finish(); });
     for (std::size_t i = 0; i < members.size(); ++i) outcomes.emplace(members[i].robot, std::move(finished[i]));
@@ -118,7 +121,8 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
   return outcomes;
 }
 
-std::optional<std::string> note_on_sharing(const RunConfiguration& configuration, const RunPlan& plan) {
+std::optional<std::string> note_on_sharing(const RunConfiguration& configuration, const RunPlan& plan,
+                                           bool begins_with_maps) {
   if (configuration.server.share == tiers::Sharing::none) return std::nullopt;
   std::map<std::string, std::string> robots;  // that have cameras, by their edge
   std::size_t most_cameras = 0;
@@ -135,11 +139,12 @@ std::optional<std::string> note_on_sharing(const RunConfiguration& configuration
   const std::string option =
       configuration.server.share == tiers::Sharing::view ? "server.share=view" : "server.share=full";
   if (robots.empty()) return option + " has no effect: no robot of an edge maps with cameras";
+  if (most_cameras < 2 && robots.size() == 1 && begins_with_maps) return std::nullopt;
   if (most_cameras < 2 && robots.size() == 1) return option + " has no effect: there is only one camera";
   if (robots.size() == 1) return std::nullopt;
   std::string list;
   for (const auto& [edge, there] : robots) list += (list.empty() ? "" : "; ") + edge + ": " + there;
-  return option + (most_cameras < 2 ? " has no effect" : " counts within each edge alone") +
+  return option + (most_cameras < 2 && !begins_with_maps ? " has no effect" : " counts within each edge alone") +
          ": cameras of different edges share nothing while they drive (" + list +
          "); give their robots one edge, as in robots: [{id: ..., log: ..., edge: " + robots.begin()->first + "}]";
 }

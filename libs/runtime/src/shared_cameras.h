@@ -11,12 +11,15 @@
 namespace mapweave::runtime {
 
 // Of the robots that have cameras to map with; the others, and those whose logs cannot be read, are left to
-// map_robot(), which says so. Throws Interrupted alone.
-std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&, bool keep_going,
-                                                     WorkerPool&, Progress&);
+// map_robot(), which says so. `starts`: maps of sessions before, which every map server has from the start. Throws
+// Interrupted alone.
+std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&,
+                                                     const std::vector<Map>& starts, bool keep_going, WorkerPool&,
+                                                     Progress&);
 
 // What somebody who asked for sharing should know: cameras of different edges share nothing while they drive. Nothing
-// where all cameras are on one edge, or sharing was not asked for. After choose_sensors().
-std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&);
+// where all cameras are on one edge, or sharing was not asked for. After choose_sensors(). `begins_with_maps`: one
+// camera alone has something to share with.
+std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&, bool begins_with_maps = false);
 
 }  // namespace mapweave::runtime

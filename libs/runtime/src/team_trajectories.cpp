@@ -23,6 +23,14 @@ bool has_keyframes(const Map& map) {
                      [](const auto& entry) { return keyframe_of(entry.second) != nullptr; });
 }
 
+namespace {
+
+bool is_of(const std::vector<CamerasOutcome>& cameras, const RobotId& robot) {
+  return std::any_of(cameras.begin(), cameras.end(), [&](const CamerasOutcome& one) { return one.robot.id == robot; });
+}
+
+}  // namespace
+
 std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component,
                                                             const std::vector<CamerasOutcome>& cameras,
                                                             const rig::RobotTrajectoryOptions& options) {
@@ -49,7 +57,15 @@ std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Compon
                          [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
       }
     }
-  if (members < component.members.size()) return exporters::session_trajectories(component.map);
+  if (members < component.members.size()) {
+    // Maps of sessions before: their keyframes are all that is known.
+    std::vector<exporters::SessionTrajectory> others = exporters::session_trajectories(component.map);
+    if (members == 0) return others;
+    others.erase(std::remove_if(others.begin(), others.end(),
+                                [&](const auto& one) { return is_of(cameras, one.session.client.robot); }),
+                 others.end());
+    trajectories.insert(trajectories.end(), others.begin(), others.end());
+  }
   std::sort(trajectories.begin(), trajectories.end(),
             [](const auto& a, const auto& b) { return a.session < b.session; });
   return trajectories;

@@ -205,10 +205,12 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                      {"judged_seconds", line.judged_s}});
   }
   for (const auto& [a, b, degree] : work.overlaps) overlaps.push_back({a.str(), b.str(), degree});
-  for (std::size_t i = 0; i < timeline.pushes.size(); ++i)
+  for (std::size_t i = 0; i < timeline.pushes.size(); ++i) {
     pushes.push_back({{"robot", timeline.pushes[i].robot.str()},
                       {"bytes", work.pushes.at(i).bytes},
                       {"arrived_seconds", timeline.pushes[i].arrived_s}});
+    if (!work.pushes[i].next_run.empty()) pushes.back()["next_run"] = work.pushes[i].next_run;
+  }
   Json json = {{"mode", kModes[static_cast<int>(timeline.mode)]},
                {"robots", robots},
                {"edges", edges},

@@ -86,6 +86,7 @@ std::map<TierId, JudgingTask> CloudMerger::judging_tasks(const std::set<TierId>&
   };
   std::vector<Work> work;
   for (fusion::FirstPair& pair : fusion::first_pairs(input(), options_, pool)) {
+    if (inboxes_.count(pair.a) == 0 || inboxes_.count(pair.b) == 0) continue;  // no edge has a map of a session before
     const UpdateInbox &of_a = inboxes_.at(pair.a), &of_b = inboxes_.at(pair.b);
     const TierId at_a = of_a.receipt().origin.tier, at_b = of_b.receipt().origin.tier;
     if (at_a == at_b || edges.count(at_a) == 0 || edges.count(at_b) == 0) continue;
@@ -127,6 +128,8 @@ fusion::FusionInput CloudMerger::input() const {
   input.priors = priors_;
   input.models = models_;
   input.merged = merged_;
+  input.refused = refused_;
+  input.maps = starts_;
   for (const auto& [id, inbox] : inboxes_) {
     if (const Receipt receipt = inbox.receipt(); receipt.awaited > 0)
       throw Error(ErrorCode::kMissing,

@@ -143,6 +143,12 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     const Node* near = State::nearest(part, *member, place->team_from_robot.t, State::Frame::team);
     if (near != nullptr) return answer_in(client_map, *near, *member);
   }
+  for (const auto& [name, map] : state.starts) {
+    const TeamView::Member* member = view.member(name);
+    const Node* near = map->nodes.find(place->beside);
+    if (member != nullptr && member->component == place->component && near != nullptr)
+      return answer_in(name, *near, *member);
+  }
   const auto owner = state.clients.find(place->beside.session);
   if (owner == state.clients.end()) return std::nullopt;
   for (const auto& [client_map, part] : owner->second.parts) {

@@ -93,6 +93,7 @@ struct VisualServer::State {
   fusion::FusionOptions fusion_options;
   rig::RigOptions rig;
   std::map<SessionId, Client> clients;
+  MapMerge::Snapshots starts;  // that it began with
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;

@@ -1,6 +1,8 @@
 #include "owned_update.h"
 #include "server_state.h"
 
+#include <mapweave/rig/scale.h>
+
 #include <algorithm>
 
 namespace mapweave::tiers {
@@ -9,6 +11,18 @@ namespace {
 constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
+// What cameras mapped of it.
+Map seen_part_of(const Map& map) {
+  Map part;
+  part.id = map.id;
+  for (const auto& [id, node] : map.nodes)
+    if (keyframe_of(node) != nullptr) part.nodes.set(id, node);
+  for (const auto& [id, constraint] : map.constraints)
+    if (part.nodes.contains(id.from) && part.nodes.contains(id.to)) part.constraints.set(id, constraint);
+  part.landmarks = map.landmarks;
+  return part;
+}
+
 }  // namespace
 
 MapMerge::Snapshots VisualServer::State::snapshots() const {
@@ -16,6 +30,7 @@ MapMerge::Snapshots VisualServer::State::snapshots() const {
   for (const auto& [session, client] : clients)
     for (const auto& [client_map, part] : client.parts)
       if (!part.inbox.map().empty()) result.emplace_back(part.name, part.inbox.snapshot());
+  result.insert(result.end(), starts.begin(), starts.end());
   return result;
 }
 
@@ -64,6 +79,17 @@ VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOpt
   state_->rig = rig;
 }
 VisualServer::~VisualServer() = default;
+
+void VisualServer::begin_with(const std::vector<Map>& maps) {
+  MAPWEAVE_EXPECT(state_->clients.empty(), "a server begins with maps before its clients come");
+  for (const Map& map : maps) {
+    Map part = seen_part_of(map);
+    if (part.nodes.empty() || !rig::is_metric(part)) continue;
+    state_->keyframes += part.nodes.size();
+    const MapId name = state_->fresh_name(map.id);
+    state_->starts.emplace_back(name, std::make_shared<const Map>(std::move(part)));
+  }
+}
 
 const Hash& VisualServer::vocabulary() const { return state_->fusion_options.visual.vocabulary.get().hash(); }
 

@@ -31,4 +31,11 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name);
 // apart (earlier versions: team/, team-1/ ...). Empty where there is none.
 std::vector<std::filesystem::path> team_folders(const std::filesystem::path& results);
 
+// What was given, of a folder of results the stores of its teams, which hold the robots' own maps.
+struct GivenPath {
+  std::filesystem::path path;
+  std::string given_as;  // what that folder of results is called; else empty
+};
+std::vector<GivenPath> with_teams_of_results(const std::vector<std::filesystem::path>& paths);
+
 }  // namespace mapweave::runtime

@@ -235,6 +235,7 @@ struct OutputOptions {
 struct RunConfiguration {
   std::uint64_t seed = 1;
   std::vector<RobotEntry> robots;
+  std::vector<std::string> maps;
   std::vector<EdgeEntry> edges;
   TeamMapOptions team;
   CoordinatorEntry coordinator;
@@ -257,6 +258,10 @@ struct RunConfiguration {
   void describe(Visitor& v) {
     v.integer("seed", seed, 0, 4294967295, "seed of all random numbers of a run; the same seed gives the same bytes");
     v.list("robots", robots, "the robots of the team and their logs");
+    v.texts("maps", maps,
+            "maps that the run begins with, of sessions before it (run, slam): map stores (.mwdb), journals of map "
+            "servers (.mwj), folders of results, or the folder of a robot that received the team's map; relative to "
+            "this file. The robots' maps join them, in the frame of the first one; empty: none");
     v.list("edges", edges,
            "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that "
            "robots name, or a "
@@ -320,6 +325,7 @@ inline const RunConfiguration& configuration_of(const RunConfiguration& all, con
 struct RunPlan {
   std::vector<PlannedRobot>
       robots;  // by id, a part of a log each where several edges map a robot; without a coordinator each has an edge
+  std::vector<std::filesystem::path> maps = {};  // that it begins with, by their full paths
   std::vector<TierId> edges;    // sorted; without a coordinator each has robots
   NetworkOptions network;       // traces by their full paths
   std::filesystem::path model;  // the coordinator's, in full; may be empty
@@ -340,9 +346,9 @@ TierId cloud_tier();
 
 // Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in
 // the file: kBadInput for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that
-// cannot hold all robots, a wire between two that are none, a frame of no robot, several edges of a robot where a
-// coordinator chooses or where robots map themselves; kMissing for a robot without a log, a
-// log, a trace or a model that is not there.
+// cannot hold all robots, a wire between two that are none, a frame of no robot (where the run begins with maps,
+// frames are looked for later), several edges of a robot where a coordinator chooses or where robots map themselves;
+// kMissing for a robot without a log, a log, a map, a trace or a model that is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots as they were listed, each with its edge and the full path of its log.

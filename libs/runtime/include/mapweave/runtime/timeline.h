@@ -94,7 +94,7 @@ struct CloudEntry {
     v.text("at", at,
            "edge that also does the cloud's work, merging the maps of all edges; empty: the cloud is a machine of its "
            "own");
-    v.texts("push_to", push_to, "robots that are sent the team's map at the end");
+    v.texts("push_to", push_to, "robots that are sent the team's map at the end, with which their next run can begin");
     v.flag("edges_judge", edges_judge,
            "edges compare the maps of robots on different edges, shared out evenly; false: the cloud compares them "
            "itself. The maps are "
@@ -133,7 +133,8 @@ struct EdgeWork {
 };
 struct PushWork {
   RobotId robot;
-  std::uint64_t bytes = 0;  // of the team's map
+  std::uint64_t bytes = 0;    // of the team's map
+  std::string next_run = {};  // the configuration that names it as the start of the robot's next run
 };
 // Overlap degree of two robots' maps, once they lie on each other; where there was a coordinator, as it thought
 // at its last decision, for with such guesses it predicts.

@@ -10,6 +10,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace mapweave::tiers {
@@ -20,6 +21,10 @@ class CloudMerger {
 
   // Where maps lie to each other, for seal().
   void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
+  // Pairs of maps never to be matched to each other, the lower id first.
+  void set_refused(std::set<std::pair<MapId, MapId>> refused) { refused_ = std::move(refused); }
+  // Maps of sessions before, which are whole already: no tier sends them. Their ids are no tier's maps'.
+  void begin_with(std::vector<Map> maps) { starts_ = std::move(maps); }
   // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt,
   // kBadInput) for one that cannot be decoded, that does not fit what it builds on (this one, or one that waited for
   // it), or that names a map of another tier; nothing is stored of it then.
@@ -45,6 +50,8 @@ class CloudMerger {
   TierId cloud_;
   fusion::FusionOptions options_;
   std::vector<fusion::MapPrior> priors_;
+  std::set<std::pair<MapId, MapId>> refused_;
+  std::vector<Map> starts_;
   std::map<MapId, UpdateInbox> inboxes_;
   std::vector<MergedMaps> merged_;
   fusion::Memo memo_;

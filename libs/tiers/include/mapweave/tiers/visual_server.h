@@ -102,6 +102,11 @@ class VisualServer {
   VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig = {});
   ~VisualServer();
 
+  // Maps of sessions before, as of clients that are not there: merged with those of clients, shared with them, and
+  // known again when they are lost. What lasers mapped of them is left out, and so is a map without keyframes or
+  // without a unit. Before the first client greets; no client is called as their robots.
+  void begin_with(const std::vector<Map>& maps);
+
   const Hash& vocabulary() const;  // that its clients have, too
   // A client's first word, and its word after a break: what is stored of its maps, so that it repeats the rest. Throws
   // Error(kUnsupported) where its vocabulary is another one, kBadInput where there are too many clients.
@@ -162,7 +167,7 @@ class VisualServer {
   // The same of the maps as they are now, encoded where it is called: on any thread, while the server goes on.
   std::function<Snapshot()> snapshot_to_encode() const;
   // Every client's own map, as published; ids are those of the clients', unless one was there before (of another run):
-  // "alpha.front-2".
+  // "alpha.front-2". And the maps that it began with.
   std::vector<Map> maps() const;
   // Of the last merge, for people: why cameras of one robot are not merged.
   std::vector<std::string> notes() const;
