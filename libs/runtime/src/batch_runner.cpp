@@ -40,8 +40,8 @@ const fusion::Component* component_of(const fusion::FusionResult& team, const Ro
 void push(const fusion::FusionResult& team, const CloudEntry& cloud, Report& report) {
   for (const std::string& name : cloud.push_to) {
     if (const auto* component = component_of(team, RobotId(name)))
-      report.work.pushes.push_back({RobotId(name), tiers::first_update(component->map, cloud_tier()).size(),
-                                    "robots/" + name + "/" + kNextRun});
+      report.work.pushes.push_back(
+          {RobotId(name), tiers::first_update(component->map, cloud_tier()).size(), "robots/" + name + "/" + kNextRun});
     else
       report.notes.push_back("robot " + name + " left no map: it is sent no team's map");
   }

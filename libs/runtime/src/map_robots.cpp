@@ -18,8 +18,8 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
 }  // namespace
 
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, RunPlan& plan,
-                                                   const RobotsAround& around, const EarlyEnds& ends,
-                                                   WorkerPool& pool, Progress& progress) {
+                                                   const RobotsAround& around, const EarlyEnds& ends, WorkerPool& pool,
+                                                   Progress& progress) {
   const bool keep_going = ends.keep_going;
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;

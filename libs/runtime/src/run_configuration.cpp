@@ -257,9 +257,9 @@ std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configu
     paths.push_back(std::filesystem::absolute(folder / given).lexically_normal());
     std::error_code ignored;
     if (given.empty() || !std::filesystem::exists(paths.back(), ignored))
-      throw Error(ErrorCode::kMissing, "there is no map " + paths.back().string(), where,
-                  given.is_absolute() || folder.empty() ? "check its path"
-                                                        : "paths are relative to the configuration file");
+      throw Error(
+          ErrorCode::kMissing, "there is no map " + paths.back().string(), where,
+          given.is_absolute() || folder.empty() ? "check its path" : "paths are relative to the configuration file");
   }
   return paths;
 }

@@ -103,8 +103,8 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
 }  // namespace
 
 std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& configuration, const RunPlan& plan,
-                                                     const std::vector<Map>& starts, bool keep_going,
-                                                     WorkerPool& pool, Progress& progress) {
+                                                     const std::vector<Map>& starts, bool keep_going, WorkerPool& pool,
+                                                     Progress& progress) {
   std::map<RobotId, CamerasOutcome> outcomes;
   for (const TierId& edge : plan.edges) {
     std::deque<Member> members;

@@ -138,8 +138,9 @@ void expect_unit(const MapInput& input, const std::filesystem::path& path) {
   for (const Map& map : input.maps)
     if (map.submaps.empty() && !rig::is_metric(map))
       throw Error(ErrorCode::kBadInput,
-                  "map '" + map.id.str() + "' of it is a single camera's and has no unit of length: nothing can keep "
-                  "its frame",
+                  "map '" + map.id.str() +
+                      "' of it is a single camera's and has no unit of length: nothing can keep "
+                      "its frame",
                   path.string(), "begin with a map of a laser, a depth camera or a stereo pair; merge joins this one");
 }
 

@@ -326,9 +326,9 @@ struct RunPlan {
   std::vector<PlannedRobot>
       robots;  // by id, a part of a log each where several edges map a robot; without a coordinator each has an edge
   std::vector<std::filesystem::path> maps = {};  // that it begins with, by their full paths
-  std::vector<TierId> edges;    // sorted; without a coordinator each has robots
-  NetworkOptions network;       // traces by their full paths
-  std::filesystem::path model;  // the coordinator's, in full; may be empty
+  std::vector<TierId> edges;                     // sorted; without a coordinator each has robots
+  NetworkOptions network;                        // traces by their full paths
+  std::filesystem::path model;                   // the coordinator's, in full; may be empty
 };
 
 // What the configuration says of a robot; ContractViolation where it lists none of this name.
