@@ -278,13 +278,26 @@ TEST(ScanPacker, turns_the_rates_of_an_inertial_unit_that_is_mounted_upside_down
   EXPECT_NEAR(heading_after_a_second(pack, reading, reported), -0.5, 0.02);
 }
 
-TEST(ScanPacker, asks_no_inertial_unit_where_there_is_no_sweep) {
+TEST(ScanPacker, asks_no_inertial_unit_where_options_say_so) {
   ScanInputOptions options;
-  options.sweep = SweepSource::none;
+  options.inertial = InertialUse::none;
   ScanPacker pack(options);
   int reported = 0;
   heading_after_a_second(pack, unit(0.5), reported);
   EXPECT_EQ(reported, 0);
+  EXPECT_TRUE(pack.found_inertial());
+  EXPECT_FALSE(ScanPacker().found_inertial());
+}
+
+TEST(ScanPacker, takes_turns_in_degrees_as_they_come_and_leaves_out_what_no_unit_measures) {
+  ScanPacker pack;
+  int reported = 0;
+  EXPECT_NEAR(heading_after_a_second(pack, unit(100.0), reported), 100.0, 4.0) << "found out by the scans";
+  ScanPacker other;
+  reported = 0;
+  heading_after_a_second(other, unit(1e6), reported);
+  EXPECT_EQ(reported, 0);
+  EXPECT_GT(other.unusable(), 0U);
 }
 
 }  // namespace

@@ -155,27 +155,5 @@ TEST(GraphMapper, makes_the_same_map_whether_or_not_it_looks_for_a_sweep_that_is
   for (const auto& [id, node] : as_before.nodes) EXPECT_EQ(map.nodes.find(id)->map_from_node.t, node.map_from_node.t);
 }
 
-// A unit that says how the robot turns, and wheels that slip: what they missed bends no scan.
-TEST(GraphMapper, believes_the_inertial_unit_of_turns_that_the_wheels_miss) {
-  auto options = bent_by(0.1);
-  options.odometry.slips_per_100_m = 40.0;
-  options.odometry.slip_min_deg = 5.0;
-  options.odometry.slip_max_deg = 10.0;
-  const auto team = simulation::make_apartment({}, options);
-  const auto& robot = team.robots[0];
-  const auto geometry = swept_geometry(team.laser);
-  GraphMapper mapper({robot.id, SensorId("laser")}, {});
-  double yaw_rad = 0.0;
-  for (std::size_t i = 0; i < robot.steps.size(); ++i) {
-    const auto& step = robot.steps[i];
-    if (i > 0) yaw_rad += wrap_angle(step.world_from_robot.phi - robot.steps[i - 1].world_from_robot.phi);
-    mapper.add(InertialInput{step.stamp, yaw_rad});
-    mapper.add(OdometryInput{step.stamp, spatial(step.odometry_from_robot)});
-    mapper.add(ScanInput{step.stamp, test::packed(step.ranges, geometry)});
-  }
-  mapper.finish();
-  EXPECT_LT(error_m(mapper.snapshot(), robot), 0.02);
-}
-
 }  // namespace
 }  // namespace mapweave::laser

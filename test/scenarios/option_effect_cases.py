@@ -11,6 +11,7 @@ RUNS = {
     "icp": ("slam", "{lasers}/alpha.rawlog", "laser.engine=icp"),
     "carmen": ("slam", "{written}/room.log"),
     "late": ("slam", "{written}/late.log"),
+    "turning": ("slam", "{turning}/alpha.rawlog"),
     "doubtful": ("slam", "{alike}/alpha.rawlog", "laser.graph.front_end.submap_length_m=2", "laser.graph.loops.drift_per_m=0.3", "output.g2o=true"),
     "slip": ("slam", "{written}/slip.log"),
     "jump": ("slam", "{written}/jump.log"),
@@ -110,6 +111,11 @@ laser.graph.judge.search_budget 1000
 laser.graph.solve.iterations 1
 laser.graph.solve.truncation_chi2 0.01
 laser.graph.solve.robust_rounds 1; laser.graph.solve.truncation_chi2=1
+""",
+    "turning": """
+laser.scan.inertial none
+laser.graph.front_end.inertial_sigma_yaw_rad 0.3
+laser.graph.front_end.inertial_sigma_yaw_per_rad 0.9
 """,
     "doubtful": """
 laser.graph.judge.rival_ratio 0.1; laser.graph.judge.max_second_best=0

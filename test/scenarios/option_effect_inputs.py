@@ -22,6 +22,14 @@ robots:
   - {id: alpha, first_room: 0, last_room: 2, length_m: 14, laps: 2}
   - {id: beta, first_room: 1, length_m: 10}
 """,
+    # an inertial unit, and wheels that slip
+    "turning": FLAT + """
+laser: {rays: 91, scans_per_second: 5, max_range_m: 5}
+imu: {readings_per_second: 50}
+motion: {turn_rate_deg_per_s: 120}
+odometry: {yaw_noise_deg: 2, slips_per_100_m: 30}
+robots: [{id: alpha, first_room: 0, last_room: 2, length_m: 30}]
+""",
     # two rounds of two rooms, which close loops
     "loops": FLAT + """
 laser: {rays: 91, scans_per_second: 3, max_range_m: 5}

@@ -44,6 +44,14 @@ TEST(ImuRecording, integrates_to_the_turns_and_the_speed_of_the_truth) {
   EXPECT_NEAR(fastest, true_fastest, 0.05);
 }
 
+TEST(ImuRecording, measures_turns_as_many_times_as_large_as_its_scale_says) {
+  WorldOptions options = with_imu(100.0), upside_down = options;
+  upside_down.imu.gyro_scale = -1.0;
+  const World world = test::built(options), other_world = test::built(upside_down);
+  ImuRecording recording(world, 0), other(other_world, 0);
+  while (const auto reading = recording.next()) ASSERT_EQ(reading->turn_rad_per_s, -other.next()->turn_rad_per_s);
+}
+
 TEST(ImuRecording, has_the_noise_and_the_bias_of_its_options) {
   WorldOptions options = with_imu(100.0);
   options.imu = {100.0, 0.001, 0.0, 0.01, 0.0, 0.2, 0.0};

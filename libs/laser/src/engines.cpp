@@ -2,6 +2,12 @@
 
 namespace mapweave::laser {
 
+ScanInputOptions scan_input_of(const LaserOptions& options) {
+  ScanInputOptions scan = options.scan;
+  if (options.engine != Engine::graph) scan.inertial = InertialUse::none;
+  return scan;
+}
+
 std::unique_ptr<LaserMapper> make_laser_mapper(ClientId client, const LaserOptions& options, std::uint64_t seed) {
   switch (options.engine) {
     case Engine::rbpf: {

@@ -51,7 +51,8 @@ FrontEnd::Step FrontEnd::next_step(Stamp stamp) {
   step.motion = predict(stamp, step.from_odometry);
   step.distance_m = std::hypot(step.motion.x, step.motion.y);
   step.turn_rad = std::abs(step.motion.phi);
-  step.predicted = compose(local_from_last_, step.motion);
+  step.seconds = seconds_between(*last_stamp_, stamp);
+  step.measured_turn_rad = inertial_.turn(taken_at(*last_stamp_), taken_at(stamp));
   step.prior = {options_.odometry_sigma_m + options_.odometry_sigma_per_m * step.distance_m,
                 options_.odometry_sigma_yaw_rad + options_.odometry_sigma_yaw_per_rad * step.turn_rad};
   if (step.from_odometry) {
@@ -61,7 +62,31 @@ FrontEnd::Step FrontEnd::next_step(Stamp stamp) {
     step.prior = {0.15 + 0.3 * step.distance_m, 0.1 + 0.3 * step.turn_rad};
     heading_quality_.add_heading(std::nullopt);
   }
+  turn_by_unit(step);
+  step.predicted = compose(local_from_last_, step.motion);
   return step;
+}
+
+// Once the inertial unit is believed it says how far the robot turned. Wheels that agree with it count by what they are
+// worth; those that slipped do not.
+void FrontEnd::turn_by_unit(Step& step) const {
+  constexpr double kAgree = 2.0;  // standard deviations
+  if (!step.measured_turn_rad || !calibration_.is_believed()) return;
+  double turn = calibration_.turn_rad(step.seconds, *step.measured_turn_rad);
+  double sigma = calibration_.turn_sigma_rad(step.seconds, turn);
+  const double by_wheels_sigma = step.prior.sigma_yaw_rad, apart = wrap_angle(step.motion.phi - turn);
+  if (step.from_odometry && std::abs(apart) < kAgree * std::hypot(sigma, by_wheels_sigma)) {
+    const double both = std::hypot(sigma, by_wheels_sigma);
+    turn += apart * sigma * sigma / (both * both);
+    sigma *= by_wheels_sigma / both;
+  }
+  // A robot drives along an arc, and its chord turns by half.
+  const double half = 0.5 * wrap_angle(turn - step.motion.phi);
+  step.motion = {std::cos(half) * step.motion.x - std::sin(half) * step.motion.y,
+                 std::sin(half) * step.motion.x + std::cos(half) * step.motion.y, wrap_angle(turn)};
+  step.turn_rad = std::abs(step.motion.phi);
+  step.prior.sigma_yaw_rad = sigma;
+  step.from_unit = true;
 }
 
 FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, const Step& step) {
@@ -74,7 +99,7 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
                                 options_.window_yaw_rad + 0.25 * step.turn_rad, 0.00873};
   if (!step.from_odometry) {
     window.radius_m += 0.2;
-    window.yaw_rad += 0.15;
+    if (!step.from_unit) window.yaw_rad += 0.15;
   }
   window.radius_m = std::min(window.radius_m, 2.0);
   const matching::PriorWeight loose{std::max(0.05, 2 * step.prior.sigma_m),
@@ -112,13 +137,34 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   return result;
 }
 
-// How good odometry is at headings is learned from matches that know nothing of it.
-void FrontEnd::learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) {
+// By a match that knows of nothing but the walls.
+std::optional<double> FrontEnd::free_heading(const std::vector<matching::WallPoint>& few,
+                                             const Pose2& submap_from_scan) const {
   const Active& against = active_.front();
   const auto free = matching::refine(against.field, few, submap_from_scan, {}, nullptr);
-  heading_quality_.add_heading(free.inliers >= options_.min_inliers
-                                   ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi)
-                                   : std::nullopt);
+  if (free.inliers < options_.min_inliers) return std::nullopt;
+  return against.local_from_submap.phi + free.field_from_scan.phi;
+}
+
+// How good odometry and the inertial unit are at headings.
+void FrontEnd::learn_heading(const Taken& taken, const Step& step, const Matched& found) {
+  if (step.measured_turn_rad && found.is_found)
+    calibration_.add_step(step.seconds, *step.measured_turn_rad,
+                          wrap_angle(found.local_from_node.phi - local_from_last_.phi));
+  else
+    calibration_.add_gap();
+  const bool of_wheels = step.from_odometry && heading_quality_.wants_heading();
+  const bool of_unit = step.measured_turn_rad && calibration_.wants_heading();
+  if (!found.coarse || !(of_wheels || of_unit)) return;
+  const std::optional<double> heading_rad = free_heading(taken.few, *found.coarse);
+  if (of_wheels) heading_quality_.add_heading(heading_rad);
+  if (of_unit) calibration_.add_heading(heading_rad);
+}
+
+bool FrontEnd::awaits_inertial(const ScanInput& input) const {
+  const auto latest = inertial_.latest();
+  const Stamp taken = taken_at(input.stamp);
+  return calibration_.is_believed() && latest && *latest < taken && seconds_between(*latest, taken) < kInertialGap_s;
 }
 
 double FrontEnd::needs_until_s(const ScanInput& input) const {
@@ -145,8 +191,9 @@ Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
     velocity = {std::cos(turn) * velocity.x - std::sin(turn) * velocity.y,
                 std::sin(turn) * velocity.x + std::cos(turn) * velocity.y, velocity.phi};
   }
-  if (inertial_.is_trusted())
-    if (const auto turn = inertial_.turn(from, to)) velocity.phi = *turn * 0.5 / half_s;
+  if (calibration_.is_believed())
+    if (const auto turn = inertial_.turn(from, to))
+      velocity.phi = calibration_.turn_rad(2.0 * half_s, *turn) * 0.5 / half_s;
   return is_finite(velocity) ? velocity : Pose2{};  // odometry may be absurd
 }
 
@@ -159,8 +206,8 @@ std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const 
   Pose2 better = velocity;
   if (!step.from_odometry) {
     better = scaled(moved, 1.0 / seconds);
-    if (inertial_.is_trusted()) better.phi = velocity.phi;
-  } else if (!inertial_.is_trusted()) {
+    if (step.from_unit) better.phi = velocity.phi;
+  } else if (!step.from_unit) {
     const double missed = wrap_angle(moved.phi - step.motion.phi);
     if (std::abs(missed) > 3.0 * step.prior.sigma_yaw_rad) better.phi += missed / seconds;
   }
@@ -191,28 +238,26 @@ void FrontEnd::see(Taken& taken) const {
 FrontEnd::Matched FrontEnd::match_sweep(Taken& taken, const Step& step) {
   Matched found = match(taken.few, step);
   if (taken.input.scan.geometry->has_sweep() && found.is_found) {
-    inertial_.compare(taken_at(*last_stamp_), taken_at(taken.input.stamp),
-                      wrap_angle(found.local_from_node.phi - local_from_last_.phi));
     if (const auto better = corrected_velocity(taken.input, taken.velocity, step, found)) {
       taken.input.scan.motion = sweep_motion(*better);
       see(taken);
       found = match(taken.few, step);
     }
   }
-  if (found.coarse && step.from_odometry && heading_quality_.wants_heading()) learn_heading(taken.few, *found.coarse);
+  learn_heading(taken, step, found);
   return found;
 }
 
-Constraint FrontEnd::motion_constraint(const NodeId& id, Stamp stamp, const Step& step,
+Constraint FrontEnd::motion_constraint(const NodeId& id, const Step& step,
                                        const std::optional<Pose2>& matched_motion) const {
   // Without odometry and without a match nothing is known but that robots are slow.
-  const double seconds = std::max(0.1, seconds_between(*last_stamp_, stamp));
+  const double seconds = std::max(0.1, step.seconds), slow = 0.5 * seconds;
   // If the match contradicts odometry's heading by more than 3 sigmas, the difference becomes the sigma.
   const double missed = matched_motion ? std::abs(wrap_angle(matched_motion->phi - step.motion.phi)) : 0.0;
   const double prior_yaw = step.prior.sigma_yaw_rad;
   const double sigma_yaw = missed > 3.0 * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
-  const Eigen::Matrix3d known =
-      step.from_odometry ? information_of(step.prior.sigma_m, sigma_yaw) : information_of(0.5 * seconds, 0.5 * seconds);
+  const Eigen::Matrix3d known = step.from_odometry ? information_of(step.prior.sigma_m, sigma_yaw)
+                                                   : information_of(slow, step.from_unit ? sigma_yaw : slow);
   return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, known);
 }
 
@@ -228,12 +273,11 @@ bool FrontEnd::follow(const NodeId& id, Taken& taken, Map& map) {
     const ConstraintId name{ConstraintKind::scan_match, map.submaps.find(active_.front().id)->anchor(), id, 0};
     map.constraints.set(name, planar_constraint(name, found.submap_from_node, found.information));
   }
-  if (step.from_odometry || !matched) {
-    const Constraint motion = motion_constraint(id, stamp, step, matched ? std::optional(moved) : std::nullopt);
+  if (step.from_odometry || step.from_unit || !matched) {
+    const Constraint motion = motion_constraint(id, step, matched ? std::optional(moved) : std::nullopt);
     map.constraints.set(motion.id, motion);
   }
-  const double seconds = seconds_between(*last_stamp_, stamp);
-  if (seconds > 1e-3) last_motion_ = scaled(moved, 1.0 / seconds);
+  if (step.seconds > 1e-3) last_motion_ = scaled(moved, 1.0 / step.seconds);
   travelled_m_ += std::hypot(moved.x, moved.y);
   local_from_last_ = local_from_node;
   return matched || step.from_odometry;

@@ -2,6 +2,7 @@
 // Local SLAM: each scan matched to the submap under way. Drifts; never jumps.
 
 #include "heading_quality.h"
+#include "inertial_calibration.h"
 #include "motion_tracks.h"
 
 #include <mapweave/laser/graph_options.h>
@@ -17,12 +18,18 @@ class FrontEnd {
  public:
   // Scans show what was there `sweep.delay_s` before their stamps: there odometry is looked up.
   FrontEnd(SessionId session, const FrontEndOptions& options, const SweepOptions& sweep)
-      : session_(session), options_(options), delay_ns_(std::llround(sweep.delay_s * 1e9)) {}
+      : session_(session),
+        options_(options),
+        delay_ns_(std::llround(sweep.delay_s * 1e9)),
+        calibration_(options.inertial_sigma_yaw_rad, options.inertial_sigma_yaw_per_rad) {}
 
   void add_odometry(const OdometryInput& odometry);
   // How long after a scan's stamp its last ray was measured: odometry until then helps. 0: no need to wait.
   double needs_until_s(const ScanInput& input) const;
   void add_inertial(const InertialInput& inertial) { inertial_.add(inertial.stamp, inertial.yaw_rad); }
+  // Whether the next reading of the inertial unit, which is believed, is worth waiting for.
+  bool awaits_inertial(const ScanInput& input) const;
+  const InertialCalibration& calibration() const { return calibration_; }
   // Where the laser sweeps, the scan becomes content with the robot's motion during the sweep: of odometry and the
   // inertial unit, or else of the matches. Readings after the scan's stamp that were added before it help. Appends a
   // node (map_from_node: in the local frame), its constraints, and what changed of submaps to `map`. Returns the number
@@ -44,9 +51,10 @@ class FrontEnd {
   };
   // From the last scan to the next, as it is expected.
   struct Step {
-    Pose2 motion, predicted;  // local_from_robot
-    bool from_odometry = false;
-    double distance_m = 0.0, turn_rad = 0.0;
+    Pose2 motion, predicted;                        // local_from_robot
+    bool from_odometry = false, from_unit = false;  // from_unit: the turn is that of the inertial unit
+    std::optional<double> measured_turn_rad;        // as the inertial unit gives it
+    double seconds = 0.0, distance_m = 0.0, turn_rad = 0.0;
     matching::PriorWeight prior;
   };
   struct Matched {
@@ -70,14 +78,15 @@ class FrontEnd {
   bool follow(const NodeId& id, Taken& taken, Map& map);
   Matched match_sweep(Taken& taken, const Step& step);
   Matched match(const std::vector<matching::WallPoint>& few, const Step& step);
-  void learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan);
+  void turn_by_unit(Step& step) const;
+  std::optional<double> free_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) const;
+  void learn_heading(const Taken& taken, const Step& step, const Matched& found);
   Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
   std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                           const Matched& found) const;
   Pose2 predict(Stamp stamp, bool& from_odometry) const;
   // What is known of the motion from the last scan, odometry or not; `matched_motion`: what a match found.
-  Constraint motion_constraint(const NodeId& id, Stamp stamp, const Step& step,
-                               const std::optional<Pose2>& matched_motion) const;
+  Constraint motion_constraint(const NodeId& id, const Step& step, const std::optional<Pose2>& matched_motion) const;
   int draw(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);  // submaps that it froze
   void insert(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);
   void freeze(Active& active, Map& map);
@@ -88,6 +97,7 @@ class FrontEnd {
   std::int64_t delay_ns_;
   OdometryTrack odometry_;
   InertialTrack inertial_;
+  InertialCalibration calibration_;
   HeadingQuality heading_quality_;
   std::deque<Active> active_;  // one or two; the older is matched against
   std::uint32_t next_node_ = 0, next_submap_ = 0;

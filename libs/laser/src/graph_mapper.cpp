@@ -28,14 +28,24 @@ std::string described(const SweepEstimator& estimator) {
   return text + "; from " + std::to_string(estimate.pairs) + " pairs of scans";
 }
 
+// Where the front end put a scan.
+struct PlacedScan {
+  ScanInput input;
+  Pose2 local_from_robot;
+  bool is_matched;
+};
+
 // One pass over a stream: front end and loops.
 struct Mapping {
   FrontEnd front_end;
   LaserLoopCloser loops;
   Map map;  // in the local frame
   std::vector<SubmapId> frozen;
-  std::size_t looked_at = 0;           // of `frozen`
-  std::optional<ScanInput> held_back;  // of a laser that sweeps: until odometry says how the robot moved meanwhile
+  std::size_t looked_at = 0;  // of `frozen`
+  // Of a laser that sweeps, until odometry says how the robot moved meanwhile; else until a believed inertial unit says
+  // how it turned.
+  std::optional<ScanInput> held_back;
+  std::vector<PlacedScan> placed;  // by the last add()
 
   Mapping(const SessionId& session, const GraphMapperOptions& options)
       : front_end(session, options.front_end, options.sweep), loops(options) {
@@ -43,12 +53,14 @@ struct Mapping {
   }
 
   void add(const LaserInput& input) {
+    placed.clear();
     if (const auto* scan = std::get_if<ScanInput>(&input)) {
       place_held_back();
       held_back = *scan;
-      if (front_end.needs_until_s(*scan) <= 0.0) place_held_back();
+      place_if_ready();
     } else if (const auto* inertial = std::get_if<InertialInput>(&input)) {
       front_end.add_inertial(*inertial);
+      if (held_back) place_if_ready();
     } else {
       const auto& odometry = std::get<OdometryInput>(input);
       front_end.add_odometry(odometry);
@@ -57,11 +69,16 @@ struct Mapping {
     }
   }
 
+  void place_if_ready() {
+    if (front_end.needs_until_s(*held_back) <= 0.0 && !front_end.awaits_inertial(*held_back)) place_held_back();
+  }
+
   void place_held_back() {
     if (!held_back) return;
     const ScanInput input = std::move(*held_back);
     held_back.reset();
     if (front_end.add_scan(input, map) > 0) look_for_loops();
+    placed.push_back({input, front_end.local_from_last(), front_end.last_is_matched()});
   }
 
   void finish() {
@@ -110,6 +127,7 @@ struct GraphMapper::State {
   bool is_estimating;
   std::vector<LaserInput> inputs;  // all of them, while it is not known whether the laser sweeps
   std::shared_ptr<const ScanGeometry> unswept, with_sweep;  // a geometry as it comes, and with the estimated sweep
+  std::vector<std::string> notes;                           // after finish()
 
   State(ClientId c, const GraphMapperOptions& o)
       : client(c), options(o), estimator(o.sweep), is_estimating(o.sweep.estimate) {
@@ -133,9 +151,17 @@ struct GraphMapper::State {
     if (!is_estimating) return;
     if (const auto* odometry = std::get_if<OdometryInput>(&input))
       estimator.add_odometry(odometry->stamp, planar(odometry->odometry_from_robot));
-    if (scan == nullptr) return;
-    estimator.add(scan->stamp, scan->scan, mapping->front_end.local_from_last(), mapping->front_end.last_is_matched());
+    if (mapping->placed.empty()) return;
+    for (const PlacedScan& one : mapping->placed)
+      estimator.add(one.input.stamp, one.input.scan, one.local_from_robot, one.is_matched);
     if (estimator.is_decided()) restart();
+  }
+
+  void note_inertial() {
+    const InertialCalibration& calibration = mapping->front_end.calibration();
+    if (calibration.is_known())
+      log(LogLevel::debug, "robot " + client.robot.str() + ": inertial unit " + calibration.described());
+    if (const auto doubt = calibration.doubt()) notes.push_back("the inertial unit: " + *doubt);
   }
 
   // The sweep is known now. Where there is one, what was mapped without it is mapped again.
@@ -190,6 +216,7 @@ void GraphMapper::finish() {
     state.restart();
   }
   state.mapping->finish();
+  state.note_inertial();
   state.map = state.mapping->moved();
   state.mapping.reset();
   graph::optimise(state.map, state.options.solve);
@@ -214,6 +241,8 @@ void GraphMapper::finish() {
     graph::optimise(state.map, state.options.solve);
   }
 }
+
+std::vector<std::string> GraphMapper::notes() const { return state_->notes; }
 
 Map GraphMapper::snapshot() const { return state_->mapping ? state_->mapping->moved() : state_->map; }
 

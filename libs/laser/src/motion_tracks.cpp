@@ -8,10 +8,7 @@ namespace {
 
 constexpr double kLongestExtrapolation_s = 0.5;
 constexpr std::size_t kFewestReadings = 64;
-constexpr double kKept_s = 2.0;                 // before the latest reading: scans may be stamped late
-constexpr double kForget = 0.995;               // of what was compared, per comparison
-constexpr double kEnoughTurning = 0.05;         // square radians
-constexpr double kScale = 0.15, kMissed = 0.1;  // what may be wrong: the scale of turns, the share of their squares
+constexpr double kKept_s = 2.0;  // before the latest reading: scans may be stamped late
 
 Pose2 scaled(const Pose2& motion, double factor) { return {motion.x * factor, motion.y * factor, motion.phi * factor}; }
 
@@ -76,16 +73,8 @@ std::optional<double> InertialTrack::turn(Stamp from, Stamp to) const {
   return before && after ? std::optional(*after - *before) : std::nullopt;
 }
 
-void InertialTrack::compare(Stamp from, Stamp to, double matched_turn_rad) {
-  const auto turned = turn(from, to);
-  if (!turned) return;
-  turned_ = kForget * turned_ + matched_turn_rad * matched_turn_rad;
-  agreed_ = kForget * agreed_ + matched_turn_rad * *turned;
-  missed_ = kForget * missed_ + (*turned - matched_turn_rad) * (*turned - matched_turn_rad);
-}
-
-bool InertialTrack::is_trusted() const {
-  return turned_ > kEnoughTurning && std::abs(agreed_ / turned_ - 1.0) < kScale && missed_ < kMissed * turned_;
+std::optional<Stamp> InertialTrack::latest() const {
+  return readings_.empty() ? std::nullopt : std::optional<Stamp>(readings_.back().first);
 }
 
 }  // namespace mapweave::laser

@@ -25,20 +25,17 @@ class OdometryTrack {
   std::deque<std::pair<Stamp, Pose2>> readings_;
 };
 
-// Turns by the inertial unit. It is believed once it agrees with scan matching over enough turning: mounted upside
-// down, or in degrees, it does not.
+// Turns as the inertial unit measures them; what they are worth: inertial_calibration.h.
 class InertialTrack {
  public:
   void add(Stamp stamp, double yaw_rad);
   // The turn between two stamps; nullopt where readings are missing.
   std::optional<double> turn(Stamp from, Stamp to) const;
-  void compare(Stamp from, Stamp to, double matched_turn_rad);
-  bool is_trusted() const;
+  std::optional<Stamp> latest() const;
 
  private:
   std::optional<double> at(Stamp stamp) const;
   std::deque<std::pair<Stamp, double>> readings_;
-  double turned_ = 0.0, agreed_ = 0.0, missed_ = 0.0;  // sums of squares and products, of late
 };
 
 }  // namespace mapweave::laser

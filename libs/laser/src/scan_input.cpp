@@ -17,7 +17,8 @@ constexpr double kFarthest_m =
     200.0;  // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
 constexpr double kJump_m = 1.0;            // beyond what the top speed allows
 constexpr double kFarthestJump_m = 100.0;  // however long nothing was recorded
-constexpr double kInertialEvery_s = 0.039, kFastest_rad_s = 30.0;
+constexpr double kInertialEvery_s = 0.039;
+constexpr double kFastest_rad_s = 4000.0;  // degrees, too: found out later
 
 Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
   Pose3 result;
@@ -80,7 +81,8 @@ Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
 // Turn rates are summed up; a unit that measures headings alone is taken at its word.
 std::optional<LaserInput> ScanPacker::inertial(Stamp stamp, const mrpt::obs::CObservationIMU& reading) {
   const bool has_rate = reading.has(mrpt::obs::IMU_WZ), has_heading = reading.has(mrpt::obs::IMU_YAW);
-  if (options_.sweep == SweepSource::none || !(has_rate || has_heading) ||
+  found_inertial_ = found_inertial_ || has_rate || has_heading;
+  if (options_.inertial == InertialUse::none || !(has_rate || has_heading) ||
       (inertial_ && inertial_->label != reading.sensorLabel))
     return std::nullopt;
   Inertial now;

@@ -39,7 +39,7 @@ struct LaserTask::State {
         keep_going(lives_with_trouble),
         is_remote(options.mode == Mode::offload),
         may_move(moves && is_remote),
-        agent(planned.id, options.laser.scan, planned.log.string()),
+        agent(planned.id, laser::scan_input_of(options.laser), planned.log.string()),
         units(planned) {}
 
   // Whatever goes wrong ends the stream; an interruption is thrown.
@@ -164,7 +164,14 @@ LaserOutcome LaserTask::finish() {
   result.log_seconds = state.agent.seconds();
   result.cpu_seconds = state.cpu_seconds;
   result.notes = state.units.notes();
+  for (const std::string& note : result.outcome.notes)
+    result.notes.push_back("robot " + state.robot.id.str() + ": " + note);
   const laser::ScanPacker& packer = state.agent.packer();
+  if (packer.found_inertial() && state.configuration.laser.engine != laser::Engine::graph &&
+      state.configuration.laser.scan.inertial != laser::InertialUse::none)
+    result.notes.push_back(
+        "robot " + state.robot.id.str() +
+        ": its inertial unit is not used: the laser engines rbpf and icp ignore it, laser.engine=graph uses it");
   for (const auto& [label, count] : packer.ignored_lasers())
     log(LogLevel::info, "robot " + state.robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label +
                             "' are not used; '" + packer.label() + "' is (choose with --set laser.scan.label=...)");

@@ -56,6 +56,7 @@ std::optional<ImuReading> ImuRecording::next() {
   RandomNumbers numbers = numbers_.at(next_);
   const double noise = std::sqrt(rate), walk = 1.0 / noise;  // of densities: white noise, and a step of a walk
   reading.turn_rad_per_s += turn_bias_ + options_.gyro_noise * noise * normal_vector(numbers);
+  reading.turn_rad_per_s *= options_.gyro_scale;
   reading.acceleration_m_per_s2 += acceleration_bias_ + options_.accelerometer_noise * noise * normal_vector(numbers);
   turn_bias_ += options_.gyro_walk * walk * normal_vector(numbers);
   acceleration_bias_ += options_.accelerometer_walk * walk * normal_vector(numbers);

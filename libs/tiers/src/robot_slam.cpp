@@ -61,6 +61,7 @@ RobotOutcome RobotSlam::finished(std::optional<Error> trouble) {
       mapper_->finish();
       Map map = mapper_->snapshot();
       if (!map.empty()) outcome.map = std::move(map);
+      outcome.notes = mapper_->notes();
     } catch (const Error&) {
       if (!outcome.trouble) throw;  // else the first trouble is the cause
     }

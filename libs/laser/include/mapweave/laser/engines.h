@@ -33,6 +33,9 @@ struct LaserOptions {
   }
 };
 
+// How the robot reads its log: no inertial unit where the engine does not use it.
+ScanInputOptions scan_input_of(const LaserOptions& options);
+
 // `seed` is the run's; an engine's own seed is added to it.
 std::unique_ptr<LaserMapper> make_laser_mapper(ClientId client, const LaserOptions& options, std::uint64_t seed);
 

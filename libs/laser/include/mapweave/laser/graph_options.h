@@ -23,6 +23,8 @@ struct FrontEndOptions {
   double odometry_sigma_per_m = 0.10;
   double odometry_sigma_yaw_rad = 0.01;
   double odometry_sigma_yaw_per_rad = 0.15;
+  double inertial_sigma_yaw_rad = 0.001;
+  double inertial_sigma_yaw_per_rad = 0.01;
   double point_information_scale = 0.05;
   double min_inliers = 0.35;
   int lost_scans = 10;
@@ -71,6 +73,13 @@ struct FrontEndOptions {
                    "growth of the odometry's heading error in radians per radian turned between two scans; larger "
                    "values trust the laser "
                    "more");
+    v.positive(
+        "inertial_sigma_yaw_rad", inertial_sigma_yaw_rad,
+        "standard deviation in radians of the turn by the inertial unit between two scans of a robot that drives "
+        "straight, before it is learned from the scans; larger values trust the laser more");
+    v.non_negative("inertial_sigma_yaw_per_rad", inertial_sigma_yaw_per_rad,
+                   "growth of the inertial unit's error in radians per radian turned between two scans, before it is "
+                   "learned from the scans; larger values trust the laser more");
     v.fraction("point_information_scale", point_information_scale,
                "information of a scan match relative to that of points with independent errors; below 1, because the "
                "points of a scan share errors; larger values trust scan matches more");

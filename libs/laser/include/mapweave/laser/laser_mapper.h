@@ -6,7 +6,9 @@
 #include <mapweave/maps/map_update.h>
 
 #include <memory>
+#include <string>
 #include <variant>
+#include <vector>
 
 namespace mapweave::laser {
 
@@ -38,6 +40,8 @@ class LaserMapper {
   // The map so far; before finish() an engine may begin it anew. Every scan is a node; scans that showed nothing new
   // have no payload.
   virtual Map snapshot() const = 0;
+  // After finish(): what seems wrong with the robot's sensors, for people.
+  virtual std::vector<std::string> notes() const { return {}; }
   // Processor time of child processes that have ended; for reports.
   virtual double helper_cpu_seconds() const { return 0.0; }
   virtual ~LaserMapper() = default;

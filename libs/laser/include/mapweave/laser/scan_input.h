@@ -18,6 +18,8 @@ enum class SweepSource {
   given,      // as the options say
   none        // nothing: all rays at the stamp
 };
+// Whether the turns of an inertial unit are used.
+enum class InertialUse { automatic, none };
 // In which order the rays of a scan were measured.
 enum class SweepOrder { along_rays, against_rays };
 
@@ -30,6 +32,7 @@ struct ScanInputOptions {
   double sweep_s = 0.0;
   SweepOrder sweep_order = SweepOrder::along_rays;
   double sweep_stamp = 0.0;
+  InertialUse inertial = InertialUse::automatic;
 
   template <class Visitor>
   void describe(Visitor& v) {
@@ -61,11 +64,15 @@ struct ScanInputOptions {
                "which part of the sweep has passed at a scan's stamp; 0: it is stamped at the first measured ray, 1: "
                "at the last one "
                "(laser.scan.sweep: given)");
+    v.choice("inertial", inertial, {{"automatic", InertialUse::automatic}, {"none", InertialUse::none}},
+             "how turns of an inertial unit in the robot's log are used; automatic: the engine graph learns from the "
+             "scans how far to believe them, and then predicts turns and undistorts scans by them; none: they are "
+             "neither sent nor used");
   }
 };
 
 // Of one robot's log, one call per record in order. Scans of the chosen laser, odometry and turns of the first inertial
-// unit (at most 25 a second; none where the laser does not sweep) are answered, all else is nullopt. Invalid and
+// unit (at most 25 a second; none where options say so) are answered, all else is nullopt. Invalid and
 // out-of-range rays become no returns; a scan whose description makes no sense (fewer than 2 rays, an aperture or a
 // sensor pose that is not finite) is left out and counted, so is odometry that is not finite. Odometry that jumps
 // farther than any robot drives goes on from where it was.
@@ -81,10 +88,11 @@ class ScanPacker {
   }                                                     // scans of other lasers, by label
   std::uint64_t unusable() const { return unusable_; }  // records that made no sense
   std::uint64_t odometry_jumps() const { return odometry_jumps_; }
+  bool found_inertial() const { return found_inertial_; }  // a unit that measures turns, used or not
 
  private:
   ScanInputOptions options_;
-  bool found_laser_ = false, label_is_known_ = false;
+  bool found_laser_ = false, label_is_known_ = false, found_inertial_ = false;
   std::shared_ptr<const ScanGeometry> geometry_;
   std::map<std::string, std::uint64_t> ignored_;
   std::uint64_t unusable_ = 0, odometry_jumps_ = 0;

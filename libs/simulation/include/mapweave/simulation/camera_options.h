@@ -119,6 +119,7 @@ struct ImuOptions {
   double gyro_noise = 1.7e-4, gyro_walk = 1.9e-5;
   double accelerometer_noise = 2.0e-3, accelerometer_walk = 3.0e-3;
   double gyro_bias = 0.01, accelerometer_bias = 0.05;
+  double gyro_scale = 1.0;
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("readings_per_second", readings_per_second, 0.0, 1000.0, "0: none");
@@ -127,6 +128,9 @@ struct ImuOptions {
     v.number("accelerometer_noise", accelerometer_noise, 0.0, 1.0, "density, m/s^2/sqrt(Hz)");
     v.number("accelerometer_walk", accelerometer_walk, 0.0, 1.0, "of the bias, m/s^3/sqrt(Hz)");
     v.number("gyro_bias", gyro_bias, 0.0, 1.0, "standard deviation of each axis' bias at the start, rad/s");
+    v.number("gyro_scale", gyro_scale, -100.0, 100.0,
+             "turns are measured this many times as large; -1: it hangs upside down and the log does not say so, 0: it "
+             "is dead, 57.3: in degrees");
     v.number("accelerometer_bias", accelerometer_bias, 0.0, 5.0, "the same, m/s^2");
   }
 };

@@ -15,8 +15,9 @@ struct RobotOutcome {
   RobotId robot;
   std::optional<Map> map;
   std::optional<Error> trouble;
-  double helper_cpu_seconds = 0.0;  // of the engine's child process; for reports
-  std::vector<Map> apart = {};      // more maps of its cameras, which did not find how they lie in the first
+  double helper_cpu_seconds = 0.0;      // of the engine's child process; for reports
+  std::vector<std::string> notes = {};  // what seems wrong with its sensors
+  std::vector<Map> apart = {};          // more maps of its cameras, which did not find how they lie in the first
 };
 
 class RobotSlam {
