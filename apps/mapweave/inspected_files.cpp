@@ -54,6 +54,24 @@ Json of_trajectory(const fs::path& file) {
   return contents;
 }
 
+// Who gave each pose of a robot.tum; else a trajectory.
+Json of_csv(const fs::path& file) {
+  std::istringstream text(read_file(file));
+  std::string line;
+  if (!std::getline(text, line) || line.rfind("stamp_s,source,leader,", 0) != 0) return of_trajectory(file);
+  std::map<std::string, std::uint64_t> poses, events;
+  std::uint64_t count = 0;
+  for (; std::getline(text, line); ++count) {
+    std::istringstream cells(line);
+    std::string cell;
+    for (int i = 0; std::getline(cells, cell, ','); ++i) {
+      if (i == 1) ++poses[cell];
+      if (i == 5 && !cell.empty()) ++events[cell];
+    }
+  }
+  return {{"kind", "sources of a robot's poses"}, {"poses", count}, {"by", poses}, {"events", events}};
+}
+
 // Lines that are no comments.
 std::size_t entries_in(const fs::path& file) {
   std::size_t entries = 0;
@@ -269,10 +287,10 @@ std::optional<Json> of_yaml(const fs::path& file) {
 std::optional<Json> contents_of_file(const fs::path& file) {
   using Reader = std::function<std::optional<Json>(const fs::path&)>;
   static const std::vector<std::pair<std::string, Reader>> readers = {
-      {".tum", of_trajectory}, {".csv", of_trajectory}, {".txt", of_text},          {".relations", of_relations},
-      {".g2o", of_graph},      {".pcd", of_pcd},        {".ply", of_ply},           {".bt", of_octomap},
-      {".ot", of_octomap},     {".png", of_png},        {".pgm", of_pgm},           {".html", of_page},
-      {".yaml", of_yaml},      {".yml", of_yaml},       {".txt.gz", of_vocabulary}, {".yml.gz", of_vocabulary}};
+      {".tum", of_trajectory}, {".csv", of_csv},  {".txt", of_text},          {".relations", of_relations},
+      {".g2o", of_graph},      {".pcd", of_pcd},  {".ply", of_ply},           {".bt", of_octomap},
+      {".ot", of_octomap},     {".png", of_png},  {".pgm", of_pgm},           {".html", of_page},
+      {".yaml", of_yaml},      {".yml", of_yaml}, {".txt.gz", of_vocabulary}, {".yml.gz", of_vocabulary}};
   std::error_code ignored;
   if (!fs::is_regular_file(file, ignored)) return std::nullopt;
   const std::string name = file.filename().string();

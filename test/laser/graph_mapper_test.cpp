@@ -33,6 +33,27 @@ TEST(GraphMapper, closes_a_loop) {
   EXPECT_LT(error_m(map, team.robots[0]), 0.04);
 }
 
+TEST(GraphMapper, says_where_each_scan_was_when_it_came) {
+  const auto team = simulation::make_ring({}, alone(90.0));
+  const auto& robot = team.robots[0];
+  const auto geometry = test::scan_geometry(team.laser);
+  GraphMapper mapper({robot.id, SensorId("laser")}, {});
+  std::size_t count = 0;
+  for (const auto& step : robot.steps) {
+    mapper.add(OdometryInput{step.stamp, spatial(step.odometry_from_robot)});
+    mapper.add(ScanInput{step.stamp, test::packed(step.ranges, geometry)});
+    for (const LivePose& pose : mapper.take_live_poses()) {
+      ASSERT_EQ(pose.stamp, step.stamp);
+      if (++count % 60 == 0) {
+        const Map so_far = mapper.snapshot();
+        EXPECT_LT((so_far.nodes.back().second.map_from_node.t - pose.map_from_robot.t).norm(), 1e-9);
+      }
+    }
+  }
+  EXPECT_EQ(count, robot.steps.size());
+  EXPECT_TRUE(mapper.take_live_poses().empty());
+}
+
 TEST(GraphMapper, works_without_odometry) {
   const auto team = simulation::make_apartment({}, alone(20.0));
   EXPECT_LT(error_m(mapped(team.robots[0], team.laser, false), team.robots[0]), 0.10);

@@ -116,6 +116,8 @@ laser.graph.solve.robust_rounds 1; laser.graph.solve.truncation_chi2=1
 laser.scan.inertial none
 laser.graph.front_end.inertial_sigma_yaw_rad 0.3
 laser.graph.front_end.inertial_sigma_yaw_per_rad 0.9
+pose.jump_m 0.000001
+pose.jump_rad 0.000001
 """,
     "doubtful": """
 laser.graph.judge.rival_ratio 0.1; laser.graph.judge.max_second_best=0
@@ -217,6 +219,7 @@ maps [{maps}/robots/alpha/map.mwdb]
 cloud.edges_judge false
 robots.0.laser {graph: {front_end: {submap_length_m: 3}}}
 robots.0.reading {max_object_mb: 0.0001}
+robots.0.pose {jump_m: 0.000001}
 cloud.thin_maps false
 cloud.thinning.cell_m 0.5
 cloud.thinning.new_share 0.5
@@ -295,6 +298,7 @@ visual.memory.found_share 0.99
 visual.session.patience_s 0.3
 """,
     "ring": """
+pose.silence_s 10
 visual.vocabulary {words}
 visual.loops.enabled false
 visual.loops.witnesses 1
@@ -397,10 +401,12 @@ rig.trajectory.doubt_rad 0.0001
 rig.trajectory.odometry_s 0.01; rig.trajectory.doubt_m=0.0001
 """,
     "monocular": """
+pose.scale_path_m 0.5
 rig.covisibility_sigma_scale 0.5
 rig.wheels_share 0.5
 """,
     "both": """
+pose.first cameras
 robots.0.sensor laser
 robots.0.visual {tracking: {features: 80}}
 fusion.max_wall_conflict 0; fusion.merge_probability=1

@@ -257,6 +257,19 @@ TEST(CameraRecording, shows_others_walking_by) {
             frame_of(built(camera_world(options.cameras[0])), 30).left.values);
 }
 
+TEST(CameraRecording, is_black_while_it_is_covered_and_the_robot_drives_on) {
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::rgbd));
+  camera.dark_from_s = 0.5;
+  camera.dark_for_s = 1.0;
+  const World world = built(camera_world(camera));
+  const CameraRecording recording(world, 0, 0);
+  CameraRecording::Workspace workspace;
+  for (std::size_t i = 0; i < recording.frame_count() && i < 20; ++i) {
+    const double seconds = static_cast<double>(i) / camera.frames_per_second;
+    EXPECT_EQ(mean_of(recording.frame(i, workspace).left.values) == 0.0, seconds >= 0.5 && seconds < 1.5) << seconds;
+  }
+}
+
 TEST(CameraRecording, is_black_while_the_robot_is_carried_and_elsewhere_after) {
   WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::rgbd)));
   options.robots[0].kidnappings.resize(1);

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace mapweave::laser {
 namespace {
@@ -95,6 +96,14 @@ struct Mapping {
     while (looked_at < frozen.size()) loops.add(*map.submaps.find(frozen[looked_at++]), map);
   }
 
+  // As the last frozen submap moved.
+  Pose2 map_from_local() const {
+    const auto& poses = loops.map_from_submap();
+    if (poses.empty()) return {};
+    const NodeId anchor = map.submaps.find(frozen[poses.size() - 1])->anchor();
+    return compose(poses.back(), inverse(planar(map.nodes.find(anchor)->map_from_node)));
+  }
+
   // Every node as the submap it was matched in moved.
   Map moved() const {
     Map result = map;
@@ -128,6 +137,8 @@ struct GraphMapper::State {
   std::vector<LaserInput> inputs;  // all of them, while it is not known whether the laser sweeps
   std::shared_ptr<const ScanGeometry> unswept, with_sweep;  // a geometry as it comes, and with the estimated sweep
   std::vector<std::string> notes;                           // after finish()
+  std::vector<LivePose> live;                               // not taken yet
+  bool has_live = false;                                    // there was one
 
   State(ClientId c, const GraphMapperOptions& o)
       : client(c), options(o), estimator(o.sweep), is_estimating(o.sweep.estimate) {
@@ -148,6 +159,11 @@ struct GraphMapper::State {
     }
     if (is_estimating) inputs.push_back(input);
     mapping->add(swept(input));
+    for (const PlacedScan& one : mapping->placed) {
+      live.push_back({one.input.stamp, spatial(compose(mapping->map_from_local(), one.local_from_robot)),
+                      one.is_matched || !has_live});
+      has_live = true;
+    }
     if (!is_estimating) return;
     if (const auto* odometry = std::get_if<OdometryInput>(&input))
       estimator.add_odometry(odometry->stamp, planar(odometry->odometry_from_robot));
@@ -241,6 +257,8 @@ void GraphMapper::finish() {
     graph::optimise(state.map, state.options.solve);
   }
 }
+
+std::vector<LivePose> GraphMapper::take_live_poses() { return std::exchange(state_->live, {}); }
 
 std::vector<std::string> GraphMapper::notes() const { return state_->notes; }
 

@@ -155,6 +155,7 @@ class TeamRun {
   std::vector<InputFile> inputs_;
   std::vector<tiers::RobotOutcome> outcomes_;
   std::vector<CamerasOutcome> cameras_;  // of the outcomes
+  std::vector<rig::FusedTrajectory> poses_;
   std::vector<fusion::MapPrior> priors_;
   std::vector<MeteredEdge> edges_;
   MeteredCloud cloud_;
@@ -194,6 +195,7 @@ void TeamRun::take(std::vector<std::optional<RobotResult>> robots) {
     if (robot.input) inputs_.push_back(*robot.input);
     outcomes_.push_back(std::move(robot.outcome));
     cameras_.push_back(std::move(robot.cameras));
+    poses_.push_back(std::move(robot.pose));
   }
 }
 
@@ -350,7 +352,9 @@ void TeamRun::report_work() {
 void TeamRun::write() {
   for (std::size_t i = 0; i < outcomes_.size(); ++i) {
     const std::string name = outcomes_[i].robot.str();
-    if (outcomes_[i].map) add_robot(results_, "robots/" + name, "robot " + name, *outcomes_[i].map, cameras_[i]);
+    if (!outcomes_[i].map) continue;
+    add_robot(results_, "robots/" + name, "robot " + name, *outcomes_[i].map, cameras_[i]);
+    results_.add_pose("robots/" + name, poses_[i]);
   }
   results_.set_own_maps(own_maps());
   results_.set_cut_short(starts_.cut_short);

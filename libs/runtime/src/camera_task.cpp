@@ -5,10 +5,12 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
+#include <mapweave/laser/scan_input.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/visual/visual_client.h>
+#include <mrpt/obs/CObservationOdometry.h>
 
 #include <algorithm>
 #include <deque>
@@ -36,6 +38,7 @@ class Camera {
       client_.emplace(packer_.rig()->camera, packer_.rig()->baseline_m, options_.client,
                       options_.chosen_vocabulary.get());
       first_ = frame->stamp;
+      live_.sensor = {sensor_name(report_.label), false, frame->shows_depth(), packer_.rig()->robot_from_camera};
     }
     if (frame->odometry_from_camera)
       odometry_.push_back(
@@ -47,6 +50,11 @@ class Camera {
     ++report_.frames;
     last_ = frame->stamp;
     note(tracked.state, frame->stamp);
+    if (tracked.state == visual::TrackState::tracked) {
+      const Pose3& robot_from_camera = live_.sensor.robot_from_sensor;
+      live_.poses.push_back({frame->stamp, tracked.session,
+                             compose(compose(robot_from_camera, tracked.map_from_camera), inverse(robot_from_camera))});
+    }
     sheet_.add(*frame,
                tracked.state == visual::TrackState::tracked ? client_->seen() : std::vector<visual::SeenLandmark>{},
                seconds_between(first_, frame->stamp));
@@ -55,6 +63,7 @@ class Camera {
   bool tracked_anything() const { return report_.tracked > 0; }
   const CameraReport& report() const { return report_; }
   const std::vector<StampedPose>& odometry() const { return odometry_; }  // of the robot, at its frames
+  rig::SpokenPoses take_live() { return std::move(live_); }               // of the robot, as it came
   std::vector<std::string> notes() const { return client_ ? client_->notes() : std::vector<std::string>{}; }
   double seconds() const { return report_.frames == 0 ? 0.0 : seconds_between(first_, last_); }
 
@@ -131,6 +140,7 @@ class Camera {
   CameraReport report_;
   SheetCollector sheet_;
   std::vector<StampedPose> odometry_;
+  rig::SpokenPoses live_;
   Stamp first_, last_, last_tracked_;
   std::vector<double> tracking_seconds_, keyframe_seconds_;
   double packing_seconds_ = 0.0;
@@ -222,7 +232,15 @@ struct CameraTask::State {
   std::optional<ProgressTask> task;
   std::optional<rawlog::Record> next;
   std::optional<Error> trouble;
+  laser::ScanPacker wheels_packer;
+  std::vector<StampedPose> wheels;
   double cpu_seconds = 0.0;
+
+  void add_wheels(const rawlog::Record& record) {
+    if (dynamic_cast<const mrpt::obs::CObservationOdometry*>(record.observation.get()) == nullptr) return;
+    if (const auto input = wheels_packer(record))
+      wheels.push_back({record.stamp, std::get<laser::OdometryInput>(*input).odometry_from_robot});
+  }
 
   explicit State(const PlannedRobot& planned) : robot(planned), units(planned) {}
 
@@ -270,6 +288,7 @@ void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& gi
       throw_if_interrupted();
       if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
       state.units.add(*state.next);
+      state.add_wheels(*state.next);
       for (Camera& camera : state.cameras) camera.add(*state.next);
       state.task->advance(state.log->bytes_read() / kKilobyte);
       state.next = state.log->next();
@@ -300,6 +319,7 @@ CamerasOutcome CameraTask::finish() {
     outcome.log_seconds = std::max(outcome.log_seconds, camera.seconds());
     outcome.odometry.insert(outcome.odometry.end(), camera.odometry().begin(), camera.odometry().end());
     if (camera.tracked_anything()) {
+      outcome.live.push_back(camera.take_live());
       outcome.cameras.push_back(camera.finish(state.robot.id, maps));
     } else if (camera.report().frames > 0) {
       log(LogLevel::warning, "robot " + state.robot.id.str() + ": none of the " +
@@ -312,6 +332,7 @@ CamerasOutcome CameraTask::finish() {
   outcome.odometry.erase(std::unique(outcome.odometry.begin(), outcome.odometry.end(),
                                      [](const StampedPose& a, const StampedPose& b) { return a.stamp == b.stamp; }),
                          outcome.odometry.end());
+  outcome.wheels = std::move(state.wheels);
   outcome.doubts = state.units.notes();
   outcome.maps = merged_rig(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);

@@ -27,6 +27,8 @@ struct LaserTask::State {
   std::vector<std::string> sensed;  // kept for another edge
   UnitNotes units;
   RobotWork work;
+  rig::SpokenPoses live;
+  std::vector<StampedPose> odometry;
   double cpu_seconds = 0.0;
   std::optional<tiers::RobotOutcome> outcome;
   std::optional<Error> trouble;
@@ -40,7 +42,9 @@ struct LaserTask::State {
         is_remote(options.mode == Mode::offload),
         may_move(moves && is_remote),
         agent(planned.id, laser::scan_input_of(options.laser), planned.log.string()),
-        units(planned) {}
+        units(planned) {
+    live.sensor = {std::string(planned.sensors.scans->name), true, true, {}};
+  }
 
   // Whatever goes wrong ends the stream; an interruption is thrown.
   template <class Work>
@@ -73,9 +77,12 @@ struct LaserTask::State {
     work.sensed_bytes += bytes.size();
     if (!message) return;
     units.look_at(*message);
+    if (const auto* wheels = std::get_if<Pose3>(&message->body)) odometry.push_back({message->stamp, *wheels});
     const double looked_s = thread_cpu_seconds();
     auto ended = slam->step(is_remote ? decode_sensed(bytes, "what the robot sensed") : std::move(*message));
     work.mapping_s += thread_cpu_seconds() - looked_s;
+    for (const laser::LivePose& pose : slam->take_live_poses())
+      if (pose.is_matched) live.poses.push_back({pose.stamp, 0, pose.map_from_robot});
     if (may_move) sensed.push_back(std::move(bytes));
     if (ended) {
       outcome = std::move(*ended);
@@ -136,6 +143,7 @@ void LaserTask::move() {
         state.next.reset();
       }
     }
+    state.slam->take_live_poses();  // they were said before
     state.work.repeated_s += thread_cpu_seconds() - before_s;
   });
 }
@@ -163,6 +171,8 @@ LaserOutcome LaserTask::finish() {
   result.scans = state.agent.scans();
   result.log_seconds = state.agent.seconds();
   result.cpu_seconds = state.cpu_seconds;
+  result.live = std::move(state.live);
+  result.odometry = std::move(state.odometry);
   result.notes = state.units.notes();
   for (const std::string& note : result.outcome.notes)
     result.notes.push_back("robot " + state.robot.id.str() + ": " + note);

@@ -258,12 +258,45 @@ Json camera_json(const CameraReport& camera) {
           {"inverse_depth_offset", camera.inverse_depth_offset}};
 }
 
+Json pose_json(const rig::FusedPoseReport& pose) {
+  double all_s = 0.0;
+  for (const auto& source : pose.sources) all_s += source.led_s;
+  Json sources = Json::array();
+  for (const auto& source : pose.sources)
+    sources.push_back({{"name", source.name},
+                       {"poses", source.poses},
+                       {"seconds", source.led_s},
+                       {"share", all_s > 0.0 ? source.led_s / all_s : 0.0}});
+  return {{"sources", sources},
+          {"failovers", pose.failovers},
+          {"returns", pose.returns},
+          {"jumps", pose.jumps},
+          {"largest_jump_m", pose.largest_jump_m},
+          {"largest_jump_rad", pose.largest_jump_rad},
+          {"longest_on_wheels_seconds", pose.longest_on_wheels_s},
+          {"longest_gap_seconds", pose.longest_gap_s},
+          {"scale", pose.scale ? Json(*pose.scale) : Json()},
+          {"metric", pose.is_metric}};
+}
+
+std::string in_words(const rig::FusedPoseReport& pose) {
+  if (pose.failovers == 0) return "";
+  std::string text = "  pose (robot.tum):";
+  double all_s = 0.0;
+  for (const auto& source : pose.sources) all_s += source.led_s;
+  for (const auto& source : pose.sources)
+    text += format("%s %.0f %% of the time by %s", &source == &pose.sources.front() ? "" : ",",
+                   all_s > 0.0 ? 100.0 * source.led_s / all_s : 0.0, source.name.c_str());
+  return text + format("; %zu failovers, at most %.1f s on wheels alone\n", pose.failovers, pose.longest_on_wheels_s);
+}
+
 std::string in_words(const RobotReport& robot) {
   const std::string pace =
       format(" of %.0f s in %.1f s (%.*f x real time)%s\n", robot.log_seconds, robot.wall_seconds,
              robot.real_time_factor() < 9.5 ? 1 : 0, robot.real_time_factor(), robot.mapped ? "" : "; no map");
   if (robot.cameras.empty())
-    return format("robot %s: %llu scans", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans)) + pace;
+    return format("robot %s: %llu scans", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans)) + pace +
+           (robot.pose ? in_words(*robot.pose) : "");
   std::string text;
   for (const CameraReport& camera : robot.cameras) {
     text += format("robot %s, camera %s (%s): %llu frames%s", robot.id.str().c_str(), camera.label.c_str(),
@@ -273,6 +306,7 @@ std::string in_words(const RobotReport& robot) {
                    static_cast<unsigned long long>(camera.keyframes), static_cast<unsigned long long>(camera.landmarks),
                    static_cast<unsigned long long>(camera.loops.size()), camera.tracking_mean_ms);
   }
+  if (robot.pose) text += in_words(*robot.pose);
   return text;
 }
 
@@ -337,6 +371,7 @@ Json summary_json(const Report& report) {
                      {"apart_before_m", robot.rig.apart_before_m},
                      {"apart_after_m", robot.rig.apart_after_m},
                      {"optimised", robot.rig.optimised}};
+    if (robot.pose) line["pose"] = pose_json(*robot.pose);
     if (!robot.edge.empty()) line["edge"] = robot.edge.str();
     if (robot.is_cut_short) line["cut_short"] = true;
     if (robot.trouble) line["trouble"] = robot.trouble->what();

@@ -142,6 +142,10 @@ void Results::draw_landmarks(const std::filesystem::path& folder, const std::str
   write_file(top / "map.png", exporters::top_view_png(landmarks, trajectories, picture));
 }
 
+void Results::add_pose(const std::string& folder, const rig::FusedTrajectory& pose) {
+  if (configuration_.output.tum) write_robot_pose(folder_.staging() / folder, pose);
+}
+
 void Results::draw_dense(const std::filesystem::path& folder, const std::string& title,
                          const std::vector<DepthTrajectory>& trajectories) {
   if (interrupted_ || trajectories.empty() || !(configuration_.output.ply || configuration_.output.octomap)) return;

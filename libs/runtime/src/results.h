@@ -52,6 +52,8 @@ class Results {
   // a contact sheet; of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2,
   // ... `dense`: also what is asked for of depth, which takes a second pass over the log.
   void add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras);
+  // A robot's pose as it came, beside its map (output.tum).
+  void add_pose(const std::string& folder, const rig::FusedTrajectory& pose);
   // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
   void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
   // What was fused; its stages, and composing as the fifth, into the report. `cameras`: what the fused maps of

@@ -29,9 +29,15 @@ bool is_cut_short(Task& task, const MappingSettings& settings, bool can_end_earl
   }
 }
 
+// What the robot's sensors said while it drove.
+struct LiveInputs {
+  std::vector<rig::SpokenPoses> sensors;
+  std::vector<StampedPose> odometry;
+};
+
 // The laser, at the edge or on the robot.
 void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, std::optional<LaserOutcome> mapped,
-                  RobotResult& result) {
+                  RobotResult& result, LiveInputs& live) {
   if (!mapped) {
     LaserTask task(robot, settings.configuration, settings.keep_going, false, settings.progress);
     result.report.is_cut_short =
@@ -45,13 +51,15 @@ void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, st
   result.work.id = robot.id;
   result.work.edge = robot.edge;
   result.notes = mapped->notes;
+  if (!mapped->live.poses.empty()) live.sensors.push_back(std::move(mapped->live));
+  live.odometry = std::move(mapped->odometry);
   result.report.scans = mapped->scans;
   result.report.log_seconds = mapped->log_seconds;
 }
 
 // Cameras on the robot; with a map of the laser, which is there already, in one graph.
 void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, std::optional<CamerasOutcome> cameras,
-                    RobotResult& result) {
+                    RobotResult& result, LiveInputs& live) {
   const RunConfiguration& configuration = settings.configuration;
   if (result.report.is_cut_short) return;  // what the laser has is saved
   if (cameras) {
@@ -62,6 +70,8 @@ void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, 
     result.report.is_cut_short = is_cut_short(task, settings, true);
     result.cameras = task.finish();
   }
+  for (rig::SpokenPoses& camera : result.cameras.live) live.sensors.push_back(std::move(camera));
+  if (live.odometry.empty()) live.odometry = std::move(result.cameras.wheels);
   for (const std::string& doubt : result.cameras.doubts)
     if (std::find(result.notes.begin(), result.notes.end(), doubt) == result.notes.end()) result.notes.push_back(doubt);
   tiers::RobotOutcome& outcome = result.outcome;
@@ -93,6 +103,21 @@ void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, 
   }
 }
 
+// The robot's pose as it came.
+void fuse_poses(const PlannedRobot& robot, const RunConfiguration& configuration, LiveInputs live,
+                RobotResult& result) {
+  if (!result.outcome.map) return;
+  if (live.sensors.empty()) {
+    if (configuration.output.tum && configuration.laser.engine != laser::Engine::graph)
+      result.notes.push_back("robot " + robot.id.str() +
+                             ": there is no robot.tum: the laser engines rbpf and icp say where the robot was at their "
+                             "end alone (laser.engine=graph says it as it comes)");
+    return;
+  }
+  result.pose = rig::fused_poses(std::move(live.sensors), live.odometry, configuration.pose);
+  result.report.pose = result.pose.report;
+}
+
 }  // namespace
 
 RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings, MappedTogether mapped) {
@@ -106,19 +131,21 @@ RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();
+  LiveInputs live;
   try {
     result.input = InputFile{robot.log.string(), hash_of_input(robot.log)};
     if (robot.trouble) throw *robot.trouble;
-    if (robot.sensors.scans != nullptr) map_by_laser(robot, settings, std::move(mapped.laser), result);
+    if (robot.sensors.scans != nullptr) map_by_laser(robot, settings, std::move(mapped.laser), result, live);
     const bool go_on = !result.outcome.trouble || settings.keep_going;
     if (!robot.sensors.cameras.empty() && go_on) {
       const double by_laser_s = thread_cpu_seconds(), shared_s = mapped.cameras ? mapped.cameras->cpu_seconds : 0.0;
-      map_by_cameras(robot, settings, std::move(mapped.cameras), result);
+      map_by_cameras(robot, settings, std::move(mapped.cameras), result, live);
       result.work.seeing_s = shared_s + thread_cpu_seconds() - by_laser_s;
     }
   } catch (const Error& error) {
     result.outcome = {robot.id, std::nullopt, error};
   }
+  fuse_poses(robot, settings.configuration, std::move(live), result);
   return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = mapped_before_s + watch.seconds();
   result.report.cpu_seconds += thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;

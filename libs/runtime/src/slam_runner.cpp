@@ -154,9 +154,11 @@ void SlamRun::write() {
   if (!starts_.maps.empty()) results_.set_cut_short(starts_.cut_short);
   if (!is_joined()) {
     add_robot(results_, "", "robot " + name, *robot_.outcome.map, robot_.cameras, true);
+    results_.add_pose("", robot_.pose);
     return;
   }
   add_robot(results_, "robots/" + name, "robot " + name, *robot_.outcome.map, robot_.cameras);
+  results_.add_pose("robots/" + name, robot_.pose);
   write_joined();
 }
 

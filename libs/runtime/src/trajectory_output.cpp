@@ -86,4 +86,10 @@ void write_team_trajectories(const std::filesystem::path& folder,
   }
 }
 
+void write_robot_pose(const std::filesystem::path& folder, const rig::FusedTrajectory& pose) {
+  if (pose.poses.empty()) return;
+  put(folder / "robot.tum", pose.stamped());
+  write_file(folder / "robot.sources.csv", pose.sources_csv());
+}
+
 }  // namespace mapweave::runtime

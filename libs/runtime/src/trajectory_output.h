@@ -18,4 +18,7 @@ void write_team_trajectories(const std::filesystem::path& folder,
                              const std::vector<exporters::SessionTrajectory>& robots,
                              const std::vector<CamerasOutcome>& cameras, bool named);
 
+// A robot's pose as it came, into `folder`, which is there: robot.tum, and who gave each pose in robot.sources.csv.
+void write_robot_pose(const std::filesystem::path& folder, const rig::FusedTrajectory& pose);
+
 }  // namespace mapweave::runtime

@@ -91,7 +91,7 @@ CameraFrame CameraRecording::frame(std::size_t frame, Workspace& workspace) cons
   CameraFrame result;
   result.stamp = result.depth_stamp = stamp(frame);
   result.world_from_camera = world_from_camera(at);
-  const bool is_covered = world_->is_carried(robot_, at);
+  const bool is_covered = world_->is_carried(robot_, at) || options_.is_dark(at);
   const double gain = is_covered ? 0.0 : std::exp(options_.image.exposure_change * wandering(stream("exposure"), at));
   result.left = take(at, {}, gain, stream("left picture"), frame, workspace);
   if (options_.kind == SimulatedCameraKind::stereo)

@@ -296,7 +296,7 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
   SimulatedFeatureFrame frame;
   frame.stamp = Stamp{world_->first_stamp(robot_).ns + std::llround(seconds * 1e6) * 1000};
   frame.world_from_camera = compose(world_->world_from_robot(robot_, seconds), robot_from_camera_);
-  if (world_->is_carried(robot_, seconds)) return frame;
+  if (world_->is_carried(robot_, seconds) || camera_.is_dark(seconds)) return frame;
   const Vector3d eye = frame.world_from_camera.t;
   const std::vector<Candidate> candidates =
       candidates_in(*field_, model_, options_, frame.world_from_camera, numbers_.at(2 * number).bits());

@@ -38,6 +38,10 @@ std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
   return std::nullopt;
 }
 
+std::vector<laser::LivePose> RobotSlam::take_live_poses() {
+  return mapper_ != nullptr ? mapper_->take_live_poses() : std::vector<laser::LivePose>{};
+}
+
 Map RobotSlam::map_so_far() {
   if (mapper_ == nullptr || !anything_) return {};
   try {

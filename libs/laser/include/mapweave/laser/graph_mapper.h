@@ -16,6 +16,7 @@ class GraphMapper : public LaserMapper {
   void add(const LaserInput&) override;
   void finish() override;
   Map snapshot() const override;
+  std::vector<LivePose> take_live_poses() override;
   std::vector<std::string> notes() const override;
 
  private:

@@ -26,6 +26,13 @@ struct InertialInput {
 };
 using LaserInput = std::variant<ScanInput, OdometryInput, InertialInput>;
 
+// Where the robot was when it took a scan, by what was known then: later loop closures do not change it.
+struct LivePose {
+  Stamp stamp;
+  Pose3 map_from_robot;
+  bool is_matched = true;  // false: the scan fitted nowhere, and odometry alone says where
+};
+
 // Not thread-safe. The map's frame is the robot's pose at the first scan.
 class LaserMapper {
  public:
@@ -40,6 +47,8 @@ class LaserMapper {
   // The map so far; before finish() an engine may begin it anew. Every scan is a node; scans that showed nothing new
   // have no payload.
   virtual Map snapshot() const = 0;
+  // Of the scans that were placed since the last call, by stamp. None of an engine that knows them at its end alone.
+  virtual std::vector<LivePose> take_live_poses() { return {}; }
   // After finish(): what seems wrong with the robot's sensors, for people.
   virtual std::vector<std::string> notes() const { return {}; }
   // Processor time of child processes that have ended; for reports.

@@ -4,6 +4,7 @@
 #include <mapweave/core/progress.h>
 #include <mapweave/exporters/contact_sheet.h>
 #include <mapweave/exporters/session_trajectories.h>
+#include <mapweave/rig/fused_pose.h>
 #include <mapweave/rig/rig.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -52,9 +53,11 @@ struct CamerasOutcome {
   // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on
   // elsewhere and never came back to a place that it knew.
   std::vector<CameraMap> maps;
-  std::vector<std::string> notes;     // why its cameras left several maps
-  std::vector<std::string> doubts;    // what is implausible of the log's numbers
-  std::vector<StampedPose> odometry;  // of the robot at its cameras' frames, in a frame of its own
+  std::vector<std::string> notes;      // why its cameras left several maps
+  std::vector<std::string> doubts;     // what is implausible of the log's numbers
+  std::vector<StampedPose> odometry;   // of the robot at its cameras' frames, in a frame of its own
+  std::vector<rig::SpokenPoses> live;  // where it was by each camera, as it came; by label
+  std::vector<StampedPose> wheels;     // at their own rate
   double log_seconds = 0.0;
   double cpu_seconds = 0.0;
   std::optional<Error> trouble;  // why the stream ended early, or why there is no map

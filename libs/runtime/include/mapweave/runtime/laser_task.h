@@ -3,6 +3,7 @@
 // time: the log's reader, the robot's agent and its SLAM instance, wired in one thread.
 
 #include <mapweave/core/progress.h>
+#include <mapweave/rig/fused_pose.h>
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/tiers/robot_slam.h>
 
@@ -21,6 +22,8 @@ struct LaserOutcome {
   double log_seconds = 0.0;        // of data
   double cpu_seconds = 0.0;        // the helper's left out
   std::vector<std::string> notes;  // what is implausible of the log's numbers
+  rig::SpokenPoses live;           // where it was, as it came; none of engines that know it at their end alone
+  std::vector<StampedPose> odometry;
 };
 
 // Not thread-safe, but each call may come from another thread.

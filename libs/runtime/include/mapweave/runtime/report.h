@@ -5,6 +5,7 @@
 #include <mapweave/core/exit_code.h>
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/judgement.h>
+#include <mapweave/rig/fused_pose.h>
 #include <mapweave/runtime/team_frame.h>
 #include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/coordinator.h>
@@ -43,12 +44,15 @@ struct RigReport {
   bool optimised = false;                            // they were apart by more than the threshold
 };
 
+using PoseReport = rig::FusedPoseReport;
+
 struct RobotReport {
   RobotId id;
   TierId edge;  // empty for slam
   std::uint64_t scans = 0;
   std::vector<CameraReport> cameras;  // by label; empty where the laser maps
   RigReport rig;                      // of its main map
+  std::optional<PoseReport> pose;     // as it came: robot.tum
   double log_seconds = 0.0;           // of data
   double wall_seconds = 0.0;          // from opening the log to the finished map
   double cpu_seconds = 0.0;           // the helper's included

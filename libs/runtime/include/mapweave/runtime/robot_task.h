@@ -19,6 +19,7 @@ struct RobotResult {
   tiers::RobotOutcome outcome;
   CamerasOutcome cameras;  // its maps are those of `outcome`, or in the one graph there with the laser's; empty where
                            // no camera maps
+  rig::FusedTrajectory pose;  // as it came, by all of its sensors
   RobotReport report;
   RobotWork work;
   std::vector<std::string> notes;  // what is implausible of the log's numbers

@@ -11,6 +11,7 @@
 #include <mapweave/fusion/fusion_options.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/rig/fused_pose.h>
 #include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/rig/rig.h>
 #include <mapweave/runtime/sensor_kinds.h>
@@ -93,6 +94,7 @@ struct RobotEntry {
     v.overrides("laser", own, "for this robot alone: options of the section laser, as {engine: icp}");
     v.overrides("visual", own, "for this robot alone: options of the section visual; the vocabulary is the team's");
     v.overrides("rig", own, "for this robot alone: options of the section rig");
+    v.overrides("pose", own, "for this robot alone: options of the section pose");
   }
 };
 
@@ -215,7 +217,10 @@ struct OutputOptions {
     v.flag("png", png, "write map.png, and map.color.png with the robots' trajectories");
     v.flag("pgm", pgm, "write map.pgm and map.yaml, the occupancy grid as ROS's map_server and nav2 load it");
     v.flag("pcd", pcd, "write map.pcd, the laser's wall points as a point cloud");
-    v.flag("tum", tum, "write trajectory.tum of a robot and trajectories/<robot>.tum of a team, in TUM format");
+    v.flag(
+        "tum", tum,
+        "write trajectory.tum of a robot and trajectories/<robot>.tum of a team, in TUM format; and each robot's pose "
+        "as it came, robot.tum, with who gave it in robot.sources.csv (run, slam)");
     v.flag("g2o", g2o, "write map.g2o, the pose graph");
     v.flag("ply", ply,
            "write map.ply and map.dense.pcd, the coloured surfaces seen by depth cameras and stereo pairs (slam; the "
@@ -252,6 +257,7 @@ struct RunConfiguration {
   tiers::UplinkOptions uplink;
   rig::RigOptions rig;
   rig::LaserCameraOptions laser_cameras;
+  rig::FusedPoseOptions pose;
   fusion::ComposeOptions compose;
   OutputOptions output;
   template <class Visitor>
@@ -290,6 +296,9 @@ struct RunConfiguration {
     v.section("rig", rig, "merging the maps of several cameras of one robot");
     v.section("laser_camera_alignment", laser_cameras,
               "aligning a robot's laser map and camera maps in one pose graph (sensor: all)");
+    v.section("pose", pose,
+              "the robot's pose as it comes, from its laser, its cameras and its wheels (robot.tum): which of them "
+              "gives it, and when the next one takes over");
     v.section("compose", compose, "drawing occupancy grids from scans");
     v.section("output", output, "files that are written beside each map.mwdb");
   }

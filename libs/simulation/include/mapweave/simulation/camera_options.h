@@ -68,6 +68,7 @@ struct CameraOptions {
   double x_m = 0.15, y_m = 0.0, z_m = 0.6;
   double yaw_deg = 0.0, pitch_deg = 0.0, roll_deg = 0.0;
   double baseline_m = 0.12;
+  double dark_from_s = 0.0, dark_for_s = 0.0;
   ImageNoiseOptions image;
   DepthNoiseOptions depth;
   template <class Visitor>
@@ -98,9 +99,12 @@ struct CameraOptions {
     v.number("pitch_deg", pitch_deg, -90.0, 90.0, "tipped down");
     v.number("roll_deg", roll_deg, -180.0, 180.0, "and turned about its axis");
     v.number("baseline_m", baseline_m, 0.001, 5.0, "stereo: from the left camera to the right one");
+    v.number("dark_from_s", dark_from_s, 0.0, 100000.0, "it is covered from this time after the robot's start");
+    v.number("dark_for_s", dark_for_s, 0.0, 100000.0, "for this long, while the robot drives on");
     v.section("image", image, "how pictures differ from what is there");
     v.section("depth", depth, "rgbd: how depths do");
   }
+  bool is_dark(double seconds) const { return seconds >= dark_from_s && seconds < dark_from_s + dark_for_s; }
   CameraIntrinsics intrinsics() const {
     return {width,
             height,

@@ -28,6 +28,8 @@ class RobotSlam {
   // is ignored; a gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only Interrupted is
   // thrown.
   std::optional<RobotOutcome> step(Sensed);
+  // Of the scans since the last call, as the mapper had placed them then; none after the outcome.
+  std::vector<laser::LivePose> take_live_poses();
   // Empty after the outcome. An engine that failed says so with the next step.
   Map map_so_far();
 
