@@ -259,9 +259,26 @@ TEST(Codec, refuses_a_newer_form_and_says_so) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
-    EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 5"),
+    EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 6"),
                                                HasSubstr("newer mapweave")));
   }
+}
+
+TEST(Codec, says_what_its_sender_has_forgotten_in_a_form_of_its_own) {
+  MapUpdate update = some_update(4, 3);
+  const std::string before = encode(update);
+  const SessionId session = update.nodes.front().id.session;
+  update.forgotten_nodes = {{session, 2}, {session, 7}};
+  update.forgotten_landmarks = {{session, 5}};
+  const std::string bytes = encode(update);
+  EXPECT_EQ(bytes[bytes.find('\x08') + 1], 6);
+  EXPECT_LT(bytes.size(), before.size() + 30U);
+  const MapUpdate back = decode_map_update(bytes, "test");
+  EXPECT_EQ(back.forgotten_nodes, update.forgotten_nodes);
+  EXPECT_EQ(back.forgotten_landmarks, update.forgotten_landmarks);
+  EXPECT_EQ(encode(back), bytes);
+  std::swap(update.forgotten_nodes[0], update.forgotten_nodes[1]);
+  EXPECT_THROW(encode(update), ContractViolation);
 }
 
 TEST(Codec, names_the_byte_where_an_update_is_damaged) {

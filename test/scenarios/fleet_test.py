@@ -60,15 +60,37 @@ class Fleet(support.Scenario):
         self.assert_says(done, "zetta", "did you mean 'zeta'?")
         self.assert_nothing_left("wrong")
 
-    def test_sharing_across_edges_had_no_effect_and_nobody_said_so(self):
+    def test_cameras_of_two_edges_share_through_the_cloud(self):
         self.mapweave("simulate", support.ROOT / "configs/worlds/camera_team.yaml", "--set", "robots.0.length_m=3",
                       "--set", "robots.1.length_m=3", "--out", "world")
         flags = ("--set", "sensor=rgbd", "--set", "server.share=view")
-        done = self.mapweave("run", "world/run.yaml", *flags, "--out", "edges", code=(DONE, APART))
+        done = self.mapweave("run", "world/run.yaml", *flags, "--set", "server.across_edges=false", "--out", "apart",
+                             code=(DONE, APART))
         self.assertIn("note: server.share=view has no effect: cameras of different edges share nothing", done.stdout)
         self.assertIn("edge0: alpha; edge1: beta", done.stdout)
-        done = self.mapweave("run", "world/run.yaml", *flags, "--set", "robots.1.edge=edge0", "--out", "edge", code=(DONE, APART))
-        self.assertNotIn("server.share", done.stdout)
+        self.assertNotIn("sharing", self.read_json("apart/summary.json"))
+        self.assertEqual(heard_bytes(self.read_json("apart/summary.json")), [0, 0])
+
+        across = self.mapweave("run", "world/run.yaml", *flags, "--out", "edges", code=(DONE, APART))
+        self.assertNotIn("server.share", across.stdout)
+        self.assertIn("edge edge0: sent the cloud", across.stdout)
+        edge = self.mapweave("run", "world/run.yaml", *flags, "--set", "robots.1.edge=edge0", "--out", "edge", code=(DONE, APART))
+        self.assertNotIn("server.share", edge.stdout)
+        self.assertNotIn("sent the cloud", edge.stdout)
+        summary, of_one = self.read_json("edges/summary.json"), self.read_json("edge/summary.json")
+        self.assertNotIn("sharing", of_one)
+        there, here = summary["sharing"]
+        self.assertEqual((there["edge"], here["edge"]), ("edge0", "edge1"))
+        self.assertEqual((there["sent_bytes"], here["sent_bytes"]), (here["received_bytes"], there["received_bytes"]))
+        self.assertGreater(min(there["sent_bytes"], here["sent_bytes"]), 10000)
+        # About as with one edge: what others saw comes a moment later.
+        for ours, theirs in zip(heard_bytes(summary), heard_bytes(of_one)):
+            self.assertGreater(ours, 0.5 * theirs)
+        self.assertGreater(sum(heard_bytes(summary)), 1000)
+
+
+def heard_bytes(summary):
+    return [camera["heard_bytes"] for robot in summary["robots"] for camera in robot["cameras"]]
 
 
 if __name__ == "__main__":

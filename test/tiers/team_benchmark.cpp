@@ -1,14 +1,18 @@
 // Teams of cameras that hand over features, with their map server: is one map made of them, how good is it, and what
-// goes over the wire. team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, another-day,
+// goes over the wire. team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, forgetting-300, another-day,
 // repeated-rooms-SEEDS. Prints one JSON object each.
 //   apartment-N       N robots in an apartment of seven rooms, 60 m each; every one shares rooms with the next
 //   single-camera     alpha's depth camera maps three rooms; then a single camera comes and asks where it is
+//   forgetting-ROOM   a robot that drives 600 m, whose camera has room for so many keyframes and culls none; beside it
+//   what the server keeps
 //   another-day       a robot comes back a day later, half of the furniture elsewhere
 //   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds.
 //   repeated-rooms-N@S: from seed
 //   S
 
 #include <support/feature_team.h>
+
+#include <malloc.h>
 
 #include <cstdio>
 #include <cstdlib>
@@ -198,6 +202,47 @@ nlohmann::json single_camera() {
   return row;
 }
 
+double held_mb() {
+  const struct mallinfo2 info = mallinfo2();
+  return static_cast<double>(info.uordblks + info.hblkhd) / 1e6;
+}
+
+nlohmann::json forgetting(int room) {
+  const double began_s = processor_s();
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view;
+  FeatureTeam team(test::apartment(1, 600.0), sharing, {}, 2);
+  auto& robot = team.robots.front();
+  robot.options.memory.keyframes = room;
+  robot.options.memory.redundant_views = 100;
+  robot.client.emplace(robot.camera, 0.0, robot.options, matching::shipped_vocabulary());
+  team.run();
+  const SessionId session = *robot.client->run(robot.place);
+  fusion::Component whole;
+  whole.map = robot.client->maps(robot.place).front();
+  const std::size_t own = whole.map.nodes.size(), own_landmarks = whole.map.landmarks.size();
+  tiers::add_forgotten(whole.map, team.server.kept_for(session), robot.client->forgotten_keyframes(robot.place));
+  nlohmann::json row = {{"name", "a camera with room for " + std::to_string(room) + " keyframes"},
+                        {"frames", robot.next},
+                        {"lost", robot.lost},
+                        {"client_keyframes", own},
+                        {"client_landmarks", own_landmarks},
+                        {"forgotten", robot.client->forgotten()},
+                        {"whole_keyframes", whole.map.nodes.size()},
+                        {"whole_landmarks", whole.map.landmarks.size()},
+                        {"borrowed_seen", robot.borrowed_seen},
+                        {"trajectory_m", robot.error_m()},
+                        {"whole_m", team.error_m(whole)},
+                        {"sent_bytes", robot.agent->sent_bytes()},
+                        {"heard_bytes", robot.agent->received_bytes()}};
+  whole = {};
+  const double with_client_mb = held_mb();
+  robot.client.reset();
+  row["client_mb"] = with_client_mb - held_mb();
+  row["cpu_s"] = processor_s() - began_s;
+  return row;
+}
+
 nlohmann::json another_day() {
   const double began_s = processor_s();
   tiers::VisualServer server(TierId("edge"), {}, {});
@@ -268,13 +313,14 @@ nlohmann::json run(const std::string& scenario) {
   };
   if (const int robots = number("apartment-"); robots >= 1 && robots <= 8) return apartment(robots);
   if (scenario == "single-camera") return single_camera();
+  if (const int room = number("forgetting-"); room >= 20) return forgetting(room);
   if (scenario == "another-day") return another_day();
   if (const int seeds = number("repeated-rooms-"); seeds > 0) {
     const auto at = scenario.find('@');
     return repeated_rooms(seeds, at == std::string::npos ? 1 : std::atoi(scenario.c_str() + at + 1));
   }
   throw Error(ErrorCode::kUsage, "there is no scenario '" + scenario + "'", {},
-              "apartment-1 to apartment-8, single-camera, another-day, repeated-rooms-SEEDS[@FIRST]");
+              "apartment-1 to apartment-8, single-camera, forgetting-ROOM, another-day, repeated-rooms-SEEDS[@FIRST]");
 }
 
 }  // namespace

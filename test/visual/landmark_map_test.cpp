@@ -114,9 +114,29 @@ TEST(Culling, holds_the_bound_on_keyframes_at_the_least_loss) {
     for (int i = 0; i < (k == 7 ? 2 : 5); ++i) story.landmark({k});
   MemoryOptions options;
   options.keyframes = 29;
-  EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), 7);
+  EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1) << "each shows something of its own";
+  EXPECT_EQ(keyframe_to_forget(story.map, all.back(), options), 7);
   story.map.remove_keyframe(7, new_parent_of(story.map, 7));
-  EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1);
+  EXPECT_EQ(keyframe_to_forget(story.map, all.back(), options), -1);
+}
+
+TEST(LandmarkMap, remembers_where_a_keyframe_was_that_it_forgot) {
+  Story story;
+  std::vector<int> all;
+  for (int i = 0; i < 4; ++i) all.push_back(story.keyframe());
+  const int alone = story.landmark({all[1]}), shared = story.landmark({all[0], all[1], all[2]});
+  story.map.remembers_forgotten = true;
+  const View forgotten = story.map.keyframe(all[1]).view;
+  const std::uint32_t serial = story.map.keyframe(all[1]).serial, landmark = story.map.landmark(alone).serial;
+  story.map.forget_keyframe(all[1], all[0]);
+  EXPECT_THAT(story.map.forgotten_landmarks, testing::ElementsAre(landmark));
+  EXPECT_FALSE(story.map.landmark(shared).gone);
+  story.map.remove_keyframe(all[0], all[2]);
+  ASSERT_EQ(story.map.keyframe(all[2]).forgotten.size(), 1U) << "it hangs on who takes over";
+  const ForgottenKeyframe& one = story.map.keyframe(all[2]).forgotten.front();
+  EXPECT_EQ(one.serial, serial);
+  const View now = frame_from_keyframe(one.place) * story.map.keyframe(all[2]).view;
+  EXPECT_LT((now.centre() - forgotten.centre()).norm(), 1e-5);
 }
 
 TEST(Culling, thins_a_trajectory_that_is_too_long_but_leaves_every_keyframe_a_frame) {

@@ -9,8 +9,8 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-constexpr std::uint32_t kVersion =
-    7;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points, 4 no sweeps, 5 no floats
+constexpr std::uint32_t kVersion = 7;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense
+                                        // points, 4 no sweeps, 5 none forgotten, 6 no floats
 constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
@@ -29,7 +29,9 @@ enum Field : int {
   kLandmarks,
   kChangedLandmarks,
   kRemovedLandmarks,
-  kBorrowed
+  kBorrowed,
+  kForgottenNodes,
+  kForgottenLandmarks
 };
 
 const NodeId& id_of(const NodeId& id) { return id; }
@@ -106,6 +108,7 @@ std::uint32_t version_of(const MapUpdate& update) {
   const bool has_landmarks =
       !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
   if (update.in_floats) return 7;
+  if (!update.forgotten_nodes.empty() || !update.forgotten_landmarks.empty()) return 6;
   if (has_sweeps) return 5;
   if (has_dense) return 4;
   if (!update.borrowed.empty()) return 3;
@@ -127,6 +130,8 @@ void for_each_list(Update& update, const Action& action) {
   action(kChangedLandmarks, update.changed_landmarks);
   action(kRemovedLandmarks, update.removed_landmarks);
   action(kBorrowed, update.borrowed);
+  action(kForgottenNodes, update.forgotten_nodes);
+  action(kForgottenLandmarks, update.forgotten_landmarks);
 }
 
 template <class Form>
@@ -189,6 +194,10 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
       if (borrowed.point_units) reader.corrupt("a borrowed landmark moves");
       return append(update.borrowed, borrowed, reader);
     }
+    case kForgottenNodes:
+      return append(update.forgotten_nodes, reader.node_id(parsed<form::Id>(bytes, reader)), reader);
+    case kForgottenLandmarks:
+      return append(update.forgotten_landmarks, reader.landmark_id(parsed<form::Id>(bytes, reader)), reader);
     default: reader.corrupt("field " + std::to_string(field) + " is unknown");
   }
 }

@@ -174,7 +174,12 @@ bool TeamRun::map() {
                  {settings_.keep_going, false}, pool_, progress_);
   if (coordinated) report_.coordination = coordinated->take_report();
   if (rounds) take(rounds->take_report());
-  if (const auto note = note_on_sharing(configuration_, plan_, !starts_.maps.empty())) report_.notes.push_back(*note);
+  const bool any_forgot = std::any_of(robots.begin(), robots.end(), [](const auto& robot) {
+    return robot && std::any_of(robot->report.cameras.begin(), robot->report.cameras.end(),
+                                [](const CameraReport& camera) { return camera.forgotten > 0; });
+  });
+  if (const auto note = note_on_sharing(configuration_, plan_, any_forgot || !starts_.maps.empty()))
+    report_.notes.push_back(*note);
   const bool is_whole = std::all_of(robots.begin(), robots.end(), [](const auto& robot) { return robot.has_value(); });
   take(std::move(robots));
   if (!is_whole) acknowledge_interruption(report_, is_any_mapped());

@@ -72,6 +72,7 @@ class Camera {
   }
   visual::VisualClient* client() { return client_ ? &*client_ : nullptr; }  // null before its first frame
   CameraReport& report() { return report_; }
+  std::vector<tiers::KeptMap>& kept() { return kept_; }
 
   // Once: its maps, one for each session that stayed apart; each begins where the robot stood then.
   CameraResult finish(RobotId robot, std::vector<CameraMap>& maps) {
@@ -82,6 +83,11 @@ class Camera {
     std::vector<Map> published = client_->maps(place(robot));
     std::sort(published.begin(), published.end(),
               [](const Map& a, const Map& b) { return a.nodes.front().first < b.nodes.front().first; });
+    report_.forgotten = client_->forgotten();
+    const auto forgotten =
+        kept_.empty() ? std::vector<visual::PlacedForgotten>{} : client_->forgotten_keyframes(place(robot));
+    for (Map& map : published) report_.kept += tiers::add_forgotten(map, kept_, forgotten);
+    kept_.clear();
     std::vector<CameraMap> own(sessions.size());
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
       CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) -
@@ -138,6 +144,7 @@ class Camera {
   VisualOptions options_;
   std::optional<visual::VisualClient> client_;
   CameraReport report_;
+  std::vector<tiers::KeptMap> kept_;
   SheetCollector sheet_;
   std::vector<StampedPose> odometry_;
   rig::SpokenPoses live_;
@@ -179,6 +186,17 @@ std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, c
     for (const FrameTrajectory& trajectory : map.trajectories) map.rig.cameras.push_back(trajectory.label);
   }
   return result;
+}
+
+// What became of what a camera had no room for; nothing where it had room for all.
+std::optional<std::string> note_on_forgetting(const PlannedRobot& robot, const CameraReport& report, int most,
+                                              bool has_server) {
+  if (report.forgotten == 0) return std::nullopt;
+  const std::string begin = "robot " + robot.id.str() + ": camera '" + report.label + "' had room for " +
+                            std::to_string(most) + " keyframes (visual.memory.keyframes) and forgot " +
+                            std::to_string(report.forgotten);
+  if (!has_server) return begin + ": its map lacks them; allow more, or share with a map server (server.share=view)";
+  return begin + "; its map server kept " + std::to_string(report.kept) + " of them, which the map holds";
 }
 
 // Why nothing was mapped.
@@ -226,6 +244,8 @@ struct CameraTask::State {
   rawlog::ReadOptions reading;
   rig::RigOptions rig;
   bool keep_going = false;
+  bool has_server = false;
+  int most_keyframes = 0;  // of a camera
   std::deque<Camera> cameras;
   UnitNotes units;
   std::unique_ptr<rawlog::ObservationStream> log;
@@ -265,6 +285,8 @@ CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& config
   keep_room_for_pictures();
   state_->rig = configuration.rig;
   state_->keep_going = keep_going;
+  state_->has_server = configuration.server.share != tiers::Sharing::none;
+  state_->most_keyframes = configuration.visual.client.memory.keyframes;
   for (const ChosenCamera& camera : robot.sensors.cameras)
     state_->cameras.emplace_back(camera, configuration.visual, configuration.seed);
   state_->guarded([&] {
@@ -301,7 +323,7 @@ std::vector<CameraTask::Client> CameraTask::clients() {
   std::vector<Client> result;
   for (Camera& camera : state_->cameras)
     if (camera.client() != nullptr)
-      result.push_back({camera.place(state_->robot.id), camera.client(), &camera.report()});
+      result.push_back({camera.place(state_->robot.id), camera.client(), &camera.report(), &camera.kept()});
   return result;
 }
 
@@ -334,6 +356,9 @@ CamerasOutcome CameraTask::finish() {
                          outcome.odometry.end());
   outcome.wheels = std::move(state.wheels);
   outcome.doubts = state.units.notes();
+  for (const CameraResult& camera : outcome.cameras)
+    if (auto note = note_on_forgetting(state.robot, camera.report, state.most_keyframes, state.has_server))
+      outcome.doubts.push_back(std::move(*note));
   outcome.maps = merged_rig(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
   outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;

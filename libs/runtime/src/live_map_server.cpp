@@ -1,3 +1,4 @@
+#include "file_shelf.h"
 #include "live_server_state.h"
 
 namespace mapweave::runtime {
@@ -6,6 +7,8 @@ LiveMapServer::State::State(TierId edge, tiers::ServerOptions server, fusion::Fu
                             LiveServerOptions live, const std::optional<std::filesystem::path>& path,
                             rig::RigOptions rig)
     : options(live), maps(edge, immediate(std::move(server)), std::move(fusion), rig) {
+  maps.use_shelf(
+      std::make_shared<FileShelf>(path ? std::filesystem::absolute(*path).parent_path() : folder_of_temporary_files()));
   saver.emplace(path ? std::optional(restored(*path)) : std::nullopt,
                 std::uint64_t{1024} * static_cast<std::uint64_t>(live.journal_kb), [this] {
                   const std::lock_guard lock(mutex);

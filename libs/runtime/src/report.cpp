@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <tuple>
 
 namespace mapweave::runtime {
@@ -233,29 +234,55 @@ Json coordination_json(const CoordinationReport& report, const std::optional<Tim
   return json;
 }
 
+// What edges send each other of their cameras' maps, while they drive: up to the cloud once, and down to each other one
+// that has cameras.
+struct PassedOn {
+  TierId edge;
+  std::uint64_t sent_bytes = 0, received_bytes = 0;
+};
+std::vector<PassedOn> passed_on(const Report& report) {
+  std::map<TierId, std::uint64_t> sent;
+  std::uint64_t all = 0;
+  for (const RobotReport& robot : report.robots)
+    for (const CameraReport& camera : robot.cameras) {
+      sent[robot.edge] += camera.passed_on_bytes;
+      all += camera.passed_on_bytes;
+    }
+  std::vector<PassedOn> result;
+  if (all > 0)
+    for (const auto& [edge, bytes] : sent) result.push_back({edge, bytes, all - bytes});
+  return result;
+}
+
 Json camera_json(const CameraReport& camera) {
   Json loop_seconds = Json::array();  // of data: found, applied
   for (const CameraReport::Loop& loop : camera.loops) loop_seconds.push_back({loop.found_s, loop.applied_s});
-  return {{"label", camera.label},
-          {"kind", camera.kind},
-          {"frames", camera.frames},
-          {"tracked", camera.tracked},
-          {"lost", camera.lost},
-          {"longest_loss_seconds", camera.longest_loss_s},
-          {"sent_bytes", camera.sent_bytes},
-          {"heard_bytes", camera.received_bytes},
-          {"borrowed_landmarks", camera.borrowed},
-          {"keyframes", camera.keyframes},
-          {"landmarks", camera.landmarks},
-          {"loops", camera.loops.size()},
-          {"loop_seconds", loop_seconds},
-          {"sessions", camera.sessions},
-          {"tracking_mean_ms", camera.tracking_mean_ms},
-          {"tracking_p99_ms", camera.tracking_p99_ms},
-          {"keyframe_mean_ms", camera.keyframe_mean_ms},
-          {"packing_mean_ms", camera.packing_mean_ms},
-          {"readout_seconds", camera.readout_s},
-          {"inverse_depth_offset", camera.inverse_depth_offset}};
+  Json json = {{"label", camera.label},
+               {"kind", camera.kind},
+               {"frames", camera.frames},
+               {"tracked", camera.tracked},
+               {"lost", camera.lost},
+               {"longest_loss_seconds", camera.longest_loss_s},
+               {"sent_bytes", camera.sent_bytes},
+               {"heard_bytes", camera.received_bytes},
+               {"borrowed_landmarks", camera.borrowed},
+               {"keyframes", camera.keyframes},
+               {"landmarks", camera.landmarks},
+               {"loops", camera.loops.size()},
+               {"loop_seconds", loop_seconds},
+               {"sessions", camera.sessions},
+               {"tracking_mean_ms", camera.tracking_mean_ms},
+               {"tracking_p99_ms", camera.tracking_p99_ms},
+               {"keyframe_mean_ms", camera.keyframe_mean_ms},
+               {"packing_mean_ms", camera.packing_mean_ms},
+               {"readout_seconds", camera.readout_s},
+               {"inverse_depth_offset", camera.inverse_depth_offset}};
+  if (camera.passed_on_bytes > 0) json["passed_on_bytes"] = camera.passed_on_bytes;
+  if (camera.forgotten > 0) {
+    json["forgotten_keyframes"] = camera.forgotten;
+    json["kept_keyframes"] = camera.kept;
+  }
+  return json;
 }
 
 Json pose_json(const rig::FusedPoseReport& pose) {
@@ -398,6 +425,9 @@ Json summary_json(const Report& report) {
     summary["rounds"] = rounds_summary_json(*report.rounds, report.work);
     if (report.coordination) summary["coordinator"]["rounds"] = summary["rounds"];
   }
+  for (const PassedOn& edge : passed_on(report))
+    summary["sharing"].push_back(
+        {{"edge", edge.edge.str()}, {"sent_bytes", edge.sent_bytes}, {"received_bytes", edge.received_bytes}});
   if (report.timeline) summary["timeline"] = timeline_json(*report.timeline, report.work);
   return summary;
 }
@@ -471,6 +501,10 @@ std::string in_words(const Report& report, const std::string& asked) {
   if (report.coordination) text += in_words(*report.coordination, report.timeline);
   if (report.timeline && report.timeline->rounds) text += in_words(*report.timeline->rounds, report.work.rounds.size());
   for (const FusionReport& edge : report.edges) text += in_words(edge, "edge " + edge.tier.str());
+  for (const PassedOn& edge : passed_on(report))
+    text += format("edge %s: sent the cloud %.2f MB of camera maps for other edges, received %.2f MB of theirs\n",
+                   edge.edge.str().c_str(), 1e-6 * static_cast<double>(edge.sent_bytes),
+                   1e-6 * static_cast<double>(edge.received_bytes));
   for (const EdgeWork& edge : report.work.edges)
     if (edge.thinning.scans > 0)
       text +=

@@ -1,5 +1,7 @@
 #include "shared_cameras.h"
 
+#include "file_shelf.h"
+
 #include <mapweave/core/log.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
@@ -10,27 +12,41 @@
 namespace mapweave::runtime {
 namespace {
 
+// What a client's edge sends on to other edges, which take it a moment later.
+struct PassedOn {
+  SessionId from;
+  std::string update;
+};
+
 // One camera's end of the wire; everything goes through the bytes that a network would carry.
 class Link {
  public:
   Link(const CameraTask::Client& client, const RunConfiguration& configuration)
       : client_(client.client),
         report_(client.report),
+        kept_(client.kept),
         agent_(client.place, configuration.uplink),
         place_(client.place),
         vocabulary_(configuration.visual.chosen_vocabulary.get().hash()) {}
 
-  // Its maps, and where it is.
-  void publish(tiers::VisualServer& server, Stamp now) {
+  // Its maps, and where it is. passed_on: null where nobody else listens.
+  void publish(tiers::VisualServer& server, Stamp now, std::vector<PassedOn>* passed_on) {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
       const std::string hello = encode(Hello{*run, vocabulary_});
+      if (passed_on != nullptr) report_->passed_on_bytes += hello.size();
       agent_.reconnected(*client_, decode_receipts(encode(server.greet(decode_hello(hello, "hello"))), "welcome"));
       greeted_ = true;
     }
     for (const transport::Envelope& update : agent_.updates(*client_, now)) {
-      const std::string answer = encode(std::vector<Receipt>{server.receive(*run, update.bytes).receipt});
+      tiers::VisualServer::Received received = server.receive(*run, update.bytes);
+      if (passed_on != nullptr)
+        for (std::string& stored : received.stored) {
+          report_->passed_on_bytes += stored.size();
+          passed_on->push_back({*run, std::move(stored)});
+        }
+      const std::string answer = encode(std::vector<Receipt>{received.receipt});
       for (const Receipt& receipt : decode_receipts(answer, "receipt")) agent_.stored(receipt);
     }
     has_place_ = false;
@@ -52,6 +68,11 @@ class Link {
     count();
   }
 
+  // What the server keeps for it: the client has ended.
+  void take_back(const tiers::VisualServer& server) {
+    if (const auto run = client_->run(place_); run && greeted_) *kept_ = server.kept_for(*run);
+  }
+
  private:
   void count() {
     report_->sent_bytes = agent_.sent_bytes();
@@ -61,6 +82,7 @@ class Link {
 
   visual::VisualClient* client_;
   CameraReport* report_;
+  std::vector<tiers::KeptMap>* kept_;
   tiers::CameraAgent agent_;
   visual::ClientPlace place_;
   Hash vocabulary_;
@@ -73,31 +95,75 @@ struct Member {
   std::vector<Link> links;  // of the task's clients, which come one after the other
 };
 
-// All robots of one edge, a moment at a time.
-void drive(std::deque<Member>& members, const RunConfiguration& configuration, const TierId& edge,
-           const std::vector<Map>& starts, WorkerPool& pool) {
-  tiers::VisualServer server(edge, configuration.server, configuration.fusion, configuration.rig);
-  server.begin_with(starts);
+// An edge with cameras.
+struct Edge {
+  Edge(const TierId& name, const RunConfiguration& configuration, const std::vector<Map>& starts)
+      : id(name), server(name, configuration.server, configuration.fusion, configuration.rig) {
+    server.begin_with(starts);
+    server.use_shelf(std::make_shared<FileShelf>(folder_of_temporary_files()));
+  }
+  TierId id;
+  std::deque<Member> members;
+  tiers::VisualServer server;
+  std::vector<PassedOn> passed_on;  // in the last moment
+};
+
+// What other edges sent in the last moment, in the order of their names.
+void receive_from_others(std::deque<Edge>& edges) {
+  for (Edge& here : edges)
+    for (const Edge& there : edges) {
+      if (&here == &there) continue;
+      for (const PassedOn& one : there.passed_on) {
+        here.server.greet({one.from, here.server.vocabulary()});
+        here.server.receive(one.from, one.update);
+      }
+    }
+  for (Edge& edge : edges) edge.passed_on.clear();
+}
+
+void exchange(Edge& edge, const RunConfiguration& configuration, Stamp moment, bool others_listen, WorkerPool& pool) {
+  for (Member& member : edge.members) {
+    const auto clients = member.task.clients();
+    while (member.links.size() < clients.size()) member.links.emplace_back(clients[member.links.size()], configuration);
+    for (Link& link : member.links) link.publish(edge.server, moment, others_listen ? &edge.passed_on : nullptr);
+  }
+  for (Member& member : edge.members)
+    for (Link& link : member.links) link.ask(edge.server, pool);
+  edge.server.advance(moment, pool);
+}
+
+// All robots of edges that send each other what they receive, a moment at a time.
+void drive(std::deque<Edge>& edges, const RunConfiguration& configuration, WorkerPool& pool) {
   const auto period_ns = static_cast<std::int64_t>(1e9 / configuration.server.share_rate_hz);
   const std::atomic<bool> give_up{false};
+  std::vector<Member*> members;
+  for (Edge& edge : edges)
+    for (Member& member : edge.members) members.push_back(&member);
   for (std::optional<Stamp> moment;;) {
     std::optional<Stamp> earliest;
-    for (const Member& member : members)
-      if (const auto next = member.task.next(); next && (!earliest || *next < *earliest)) earliest = next;
-    if (!earliest) return;
+    for (const Member* member : members)
+      if (const auto next = member->task.next(); next && (!earliest || *next < *earliest)) earliest = next;
+    if (!earliest) break;
     if (!moment || *moment < *earliest) moment = earliest;  // nothing happens in between
     moment->ns += period_ns;
-    pool.for_each(members.size(), [&](std::size_t i) { members[i].task.advance(moment, give_up); });
-    for (Member& member : members) {
-      const auto clients = member.task.clients();
-      while (member.links.size() < clients.size())
-        member.links.emplace_back(clients[member.links.size()], configuration);
-      for (Link& link : member.links) link.publish(server, *moment);
-    }
-    for (Member& member : members)
-      for (Link& link : member.links) link.ask(server, pool);
-    server.advance(*moment, pool);
+    pool.for_each(members.size(), [&](std::size_t i) { members[i]->task.advance(moment, give_up); });
+    receive_from_others(edges);
+    for (Edge& edge : edges) exchange(edge, configuration, *moment, edges.size() > 1, pool);
   }
+  for (Edge& edge : edges)
+    for (Member& member : edge.members)
+      for (Link& link : member.links) link.take_back(edge.server);
+}
+
+// What became of them, and of what their edge kept for them.
+void finish(Edge& edge, std::map<RobotId, CamerasOutcome>& outcomes, WorkerPool& pool) {
+  std::vector<CamerasOutcome> finished =
+      pool.map(edge.members.size(), [&](std::size_t i) { return edge.members[i].task.finish(); });
+  if (const auto trouble = edge.server.keeping_trouble()) {
+    log(LogLevel::warning, *trouble);
+    finished.front().doubts.push_back(*trouble);
+  }
+  for (std::size_t i = 0; i < edge.members.size(); ++i) outcomes.emplace(edge.members[i].robot, std::move(finished[i]));
 }
 
 }  // namespace
@@ -106,26 +172,34 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
                                                      const std::vector<Map>& starts, bool keep_going, WorkerPool& pool,
                                                      Progress& progress) {
   std::map<RobotId, CamerasOutcome> outcomes;
-  for (const TierId& edge : plan.edges) {
-    std::deque<Member> members;
-    for (const PlannedRobot& robot : plan.robots) {
-      if (robot.edge == edge && !robot.sensors.cameras.empty())
-        members.push_back(
+  std::deque<Edge> edges;  // that send each other what they receive
+  for (const TierId& id : plan.edges) {
+    if (!configuration.server.across_edges) edges.clear();
+    Edge& edge = edges.emplace_back(id, configuration, starts);
+    for (const PlannedRobot& robot : plan.robots)
+      if (robot.edge == id && !robot.sensors.cameras.empty())
+        edge.members.push_back(
             {robot.id, CameraTask(robot, configuration_of(configuration, robot), keep_going, progress), {}});
+    if (edge.members.empty()) {
+      edges.pop_back();
+      continue;
     }
-    drive(members, configuration, edge, starts, pool);
-    std::vector<CamerasOutcome> finished =
-        pool.map(members.size(), [&](std::size_t i) { return members[i].task.finish(); });
-    for (std::size_t i = 0; i < members.size(); ++i) outcomes.emplace(members[i].robot, std::move(finished[i]));
+    if (configuration.server.across_edges) continue;
+    drive(edges, configuration, pool);
+    finish(edge, outcomes, pool);
+  }
+  if (configuration.server.across_edges) {
+    drive(edges, configuration, pool);
+    for (Edge& edge : edges) finish(edge, outcomes, pool);
   }
   return outcomes;
 }
 
 std::optional<std::string> note_on_sharing(const RunConfiguration& configuration, const RunPlan& plan,
-                                           bool begins_with_maps) {
+                                           bool is_lent_alone) {
   if (configuration.server.share == tiers::Sharing::none) return std::nullopt;
   std::map<std::string, std::string> robots;  // that have cameras, by their edge
-  std::size_t most_cameras = 0;
+  std::size_t most_cameras = 0, all_cameras = 0;
   for (const TierId& edge : plan.edges) {
     std::size_t cameras = 0;
     for (const PlannedRobot& robot : plan.robots) {
@@ -135,18 +209,18 @@ std::optional<std::string> note_on_sharing(const RunConfiguration& configuration
       cameras += robot.sensors.cameras.size();
     }
     most_cameras = std::max(most_cameras, cameras);
+    all_cameras += cameras;
   }
   const std::string option =
       configuration.server.share == tiers::Sharing::view ? "server.share=view" : "server.share=full";
   if (robots.empty()) return option + " has no effect: no robot of an edge maps with cameras";
-  if (most_cameras < 2 && robots.size() == 1 && begins_with_maps) return std::nullopt;
-  if (most_cameras < 2 && robots.size() == 1) return option + " has no effect: there is only one camera";
-  if (robots.size() == 1) return std::nullopt;
+  if (all_cameras < 2 && !is_lent_alone)
+    return option + " has no effect: there is only one camera, and it had room for all that it mapped";
+  if (robots.size() == 1 || configuration.server.across_edges) return std::nullopt;
   std::string list;
   for (const auto& [edge, there] : robots) list += (list.empty() ? "" : "; ") + edge + ": " + there;
-  return option + (most_cameras < 2 && !begins_with_maps ? " has no effect" : " counts within each edge alone") +
-         ": cameras of different edges share nothing while they drive (" + list +
-         "); give their robots one edge, as in robots: [{id: ..., log: ..., edge: " + robots.begin()->first + "}]";
+  return option + (most_cameras < 2 && !is_lent_alone ? " has no effect" : " counts within each edge alone") +
+         ": cameras of different edges share nothing while they drive (" + list + "), since server.across_edges=false";
 }
 
 }  // namespace mapweave::runtime

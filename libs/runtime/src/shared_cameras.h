@@ -1,6 +1,7 @@
 #pragma once
 // Robots' cameras that publish to their edge's map server what they see while they see it, and receive what others
-// know: by data time, so that neither threads nor the order of robots change a byte.
+// know: by data time, so that neither threads nor the order of robots change a byte. Edges pass on what they receive to
+// the others, through the cloud; it is there at the next moment.
 
 #include <mapweave/runtime/camera_task.h>
 
@@ -17,9 +18,9 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, co
                                                      const std::vector<Map>& starts, bool keep_going, WorkerPool&,
                                                      Progress&);
 
-// What somebody who asked for sharing should know: cameras of different edges share nothing while they drive. Nothing
-// where all cameras are on one edge, or sharing was not asked for. After choose_sensors(). `begins_with_maps`: one
-// camera alone has something to share with.
-std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&, bool begins_with_maps = false);
+// What somebody who asked for sharing should know: that there is nobody to share with, or that cameras of different
+// edges share nothing (server.across_edges). is_lent_alone: a camera alone is lent something too, of what it forgot or
+// of maps of sessions before. After choose_sensors().
+std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&, bool is_lent_alone);
 
 }  // namespace mapweave::runtime

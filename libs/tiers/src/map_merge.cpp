@@ -42,8 +42,9 @@ void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& op
   auto result = fusion::fuse(input, fusion_options, known, pool, *make_silent_progress());
   leave_to_the_next(result);
   fusion::split_rigs(result, rigs.rigs, own);
-  view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, input.pictures,
-                                          pool);
+  view = std::make_shared<const TeamView>(
+      std::move(result), own,
+      TeamView::Making{options.index, options.description, input.pictures, std::move(forgotten)}, pool);
   input.pictures->forget();
   input = {};
 }

@@ -16,6 +16,7 @@ struct MapMerge {
 
   fusion::FusionInput input;  // without maps
   rig::RigOptions rig;
+  std::vector<LandmarkId> forgotten;  // by those who made them; ascending
   Stamp due;
   fusion::Memo memo;  // of what was judged
   // To the next one: judgements that stand, and where the maps lie.

@@ -51,6 +51,8 @@ void expect_owned(const MapUpdate& update, const SessionId& owner, const std::st
     expect_seen(change.seen);
   }
   for (const LandmarkId& id : update.removed_landmarks) expect(id.session, to_string(id));
+  for (const NodeId& id : update.forgotten_nodes) expect(id.session, to_string(id));
+  for (const LandmarkId& id : update.forgotten_landmarks) expect(id.session, to_string(id));
   for (const LandmarkChange& borrowed : update.borrowed) expect_seen(borrowed.seen);
   if (!update.submaps.empty() || !update.constraints.empty() || !update.judgements.empty() ||
       !update.removed_submaps.empty() || !update.removed_constraints.empty())

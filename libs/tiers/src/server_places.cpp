@@ -122,10 +122,20 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     answer.map = client_map;
     answer.map_from_robot =
         carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);
-    for (const DescribedLandmark& one : place->component->landmarks().retrieve(
-             state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
-      DescribedLandmark here = matching::transformed(one, map_from_team);
-      if (here.id.session != from && matching::flaw(here).empty()) answer.landmarks.push_back(std::move(here));
+    // Those of others, and its own that it has forgotten.
+    const auto add_from = [&](const matching::LandmarkIndex& index, bool is_own) {
+      for (const DescribedLandmark& one :
+           index.retrieve(state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
+        DescribedLandmark here = matching::transformed(one, map_from_team);
+        if ((here.id.session == from) == is_own && matching::flaw(here).empty())
+          answer.landmarks.push_back(std::move(here));
+      }
+    };
+    add_from(place->component->landmarks(), false);
+    if (const auto* forgotten = place->component->forgotten()) {
+      add_from(*forgotten, true);
+      std::sort(answer.landmarks.begin(), answer.landmarks.end(),
+                [](const DescribedLandmark& a, const DescribedLandmark& b) { return a.id < b.id; });
     }
     if (answer.landmarks.empty()) return std::nullopt;
     if (state.options.most_bytes_per_s > 0.0) {

@@ -82,6 +82,32 @@ void VisualServer::State::note_owners(Client::Part& part, const SessionId& to, c
                                         : part.owners.try_emplace(session, part.owners.size() + 1).first->second);
 }
 
+std::vector<VisualServer::State::Offer> VisualServer::State::offers_for(Client::Part& part, const SessionId& to,
+                                                                        const TeamView::Member& member,
+                                                                        const matching::Frustum& seen_from) const {
+  std::vector<Offer> offers;
+  const auto key_of = [](std::uint64_t owner, const matching::LandmarkIndex::Seen& seen) {
+    return owner << 32 | seen.index;
+  };
+  if (member.component->content().members.size() > 1) {
+    const matching::LandmarkIndex& landmarks = member.component->landmarks();
+    note_owners(part, to, member);
+    for (const matching::LandmarkIndex::Seen& seen : landmarks.look(seen_from, options.retrieval, to.client))
+      if (const std::uint64_t owner = part.owner_of_session[seen.session]; owner != kNobody) {
+        offers.push_back({&landmarks, seen, key_of(owner, seen)});
+        part.shared.expect(offers.back().key);
+      }
+  }
+  const matching::LandmarkIndex* forgotten = member.component->forgotten();
+  if (forgotten == nullptr) return offers;
+  const std::uint64_t own = part.owners.try_emplace(to, part.owners.size() + 1).first->second;
+  for (const matching::LandmarkIndex::Seen& seen : forgotten->look(seen_from, options.retrieval))
+    if (forgotten->sessions()[seen.session] == to) offers.push_back({forgotten, seen, key_of(own, seen)});
+  std::sort(offers.begin(), offers.end(),
+            [](const Offer& a, const Offer& b) { return a.index->landmark(a.seen).id < b.index->landmark(b.seen).id; });
+  return offers;
+}
+
 std::vector<DescribedLandmark> VisualServer::State::landmarks_for(Client::Part& part, const SessionId& to,
                                                                   const ClientView& client_view,
                                                                   const TeamView::Member& member, const Node& near,
@@ -89,30 +115,22 @@ std::vector<DescribedLandmark> VisualServer::State::landmarks_for(Client::Part& 
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member),
              map_from_team = inverse(team_from_map);
   ++part.shares;
-  const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
-  note_owners(part, to, member);
-  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) {
-    return part.owner_of_session[seen.session] << 32 | seen.index;
-  };
   const matching::Frustum seen_from =
       frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
   std::vector<DescribedLandmark> shared;
   std::vector<std::uint64_t> keys;  // of what is shared
-  const auto all = landmarks.look(seen_from, options.retrieval, to.client);
-  for (const matching::LandmarkIndex::Seen& seen : all) part.shared.expect(key_of(seen));
-  for (const matching::LandmarkIndex::Seen& seen : all) {
-    if (part.owner_of_session[seen.session] == kNobody) continue;
-    if (SharedLandmarkTable::Shared* const held = part.shared.find(key_of(seen))) {
+  for (const auto& [index, seen, key] : offers_for(part, to, member, seen_from)) {
+    if (SharedLandmarkTable::Shared* const held = part.shared.find(key)) {
       held->wanted = part.shares;
       if ((held->point_in_map - transformed(*seen.point_in_map, map_from_team)).norm() <
           static_cast<double>(held->resent_m))
         continue;
     }
-    DescribedLandmark here = matching::transformed(landmarks.landmark(seen), map_from_team);
+    DescribedLandmark here = matching::transformed(index->landmark(seen), map_from_team);
     if (matching::flaw(here).empty()) {
       shared.push_back(std::move(here));
-      keys.push_back(key_of(seen));
+      keys.push_back(key);
     }
   }
   shared = thinned(std::move(shared), most);
@@ -140,7 +158,7 @@ void VisualServer::State::correct(Client::Part& part, const TeamView::Member& me
   for (const TeamView::Member::Placed& one : member.nodes) {
     const NodeId& id = one.id;
     const Node* node = own.nodes.find(id);
-    if (node == nullptr) continue;
+    if (node == nullptr || part.inbox.forgotten_nodes().count(id) != 0) continue;
     if ((node->map_from_node.t - member.published.find(id)->t).norm() > kUnchanged_m) {
       share.corrected.clear();
       return;
@@ -174,14 +192,16 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
     part.forgotten = client_view.forgotten;
   }
   const TeamView::Member* member = state.view->member(part.name);
-  if (member == nullptr || member->component->content().members.size() < 2) return std::nullopt;
+  if (member == nullptr) return std::nullopt;
+  const bool is_alone = member->component->content().members.size() < 2;
+  if (is_alone && member->component->forgotten() == nullptr) return std::nullopt;
   const Node* near = State::nearest(part, *member, client_view.map_from_robot.t, State::Frame::map);
   if (near == nullptr) return std::nullopt;
   Share share;
   share.map = client_view.map;
   const bool is_limited = state.options.most_bytes_per_s > 0.0;
   client.downlink.wait_until(client_view.stamp, state.options.most_bytes_per_s);
-  if (state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0))
+  if (!is_alone && state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0))
     state.correct(part, *member, share);
   // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())

@@ -50,9 +50,15 @@ struct VisualServer::Client {
     std::uint32_t shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
     std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
+    std::vector<std::uint64_t> shelved = {};  // what was taken out of the map, by its numbers on the shelf
+    std::size_t tried_with = 0;               // keyframes in memory, when the shelf took nothing more
 
     void note(const MapUpdate& update) {
-      if (update.base == 0) borrowed.clear();
+      if (update.base == 0) {
+        borrowed.clear();
+        shelved.clear();
+        tried_with = 0;
+      }
       for (const NodeId& id : update.removed_nodes) borrowed.erase(id);
       for (const LandmarkChange& change : update.borrowed)
         for (const LandmarkSighting& sighting : change.seen) {
@@ -108,6 +114,9 @@ struct VisualServer::State {
   std::optional<Stamp> published_at;                // any of them, at an advance
   std::set<SessionId> published_since;              // clients that published any of them since
   bool vetoed_since = false;
+  std::shared_ptr<Shelf> shelf;
+  std::string shelf_trouble;  // why it takes nothing more now
+  std::size_t lost = 0;       // keyframes that nobody keeps, for want of a shelf
 
   Client& client(const SessionId& session) {
     const auto found = clients.find(session);
@@ -123,6 +132,18 @@ struct VisualServer::State {
   }
 
   MapMerge::Snapshots snapshots() const;
+  std::vector<LandmarkId> forgotten() const;
+  // Keyframes that the client has forgotten leave memory where there are too many.
+  void make_room(Client::Part& part);
+  // A part's map with what lies on the shelf.
+  struct Whole {
+    std::shared_ptr<const Map> in_memory;
+    std::vector<std::uint64_t> shelved;
+    std::map<NodeId, Pose3> poses;
+    std::shared_ptr<const Shelf> shelf;
+    Map map() const;
+  };
+  Whole whole(const Client::Part& part) const;
   fusion::FusionInput input() const;
 
   bool is_due(Stamp now);  // a merge
@@ -166,6 +187,14 @@ struct VisualServer::State {
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
   void note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
+  // What there is of landmarks in view that it does not have, with their keys in SharedLandmarkTable.
+  struct Offer {
+    const matching::LandmarkIndex* index;
+    matching::LandmarkIndex::Seen seen;
+    std::uint64_t key;
+  };
+  std::vector<Offer> offers_for(Client::Part& part, const SessionId& to, const TeamView::Member& member,
+                                const matching::Frustum& seen_from) const;
   std::vector<DescribedLandmark> landmarks_for(Client::Part& part, const SessionId& to, const ClientView& client_view,
                                                const TeamView::Member& member, const Node& near,
                                                std::size_t most) const;

@@ -3,35 +3,37 @@
 namespace mapweave::tiers {
 namespace {
 
-matching::LandmarkIndex index_of(const Map& map, const matching::LandmarkIndexOptions& options,
-                                 const matching::DescriptionOptions& description, WorkerPool& pool) {
+matching::LandmarkIndex index_of(const Map& map, const std::vector<const Landmark*>& landmarks,
+                                 const TeamView::Making& making, WorkerPool& pool) {
   constexpr std::size_t kAtOnce = 512;
-  const auto& landmarks = map.landmarks;
   const std::size_t parts = (landmarks.size() + kAtOnce - 1) / kAtOnce;
-  const matching::LandmarkDescriber describer(map, description);
+  const matching::LandmarkDescriber describer(map, making.description);
   const auto known = pool.map(parts, [&](std::size_t part) {
     std::vector<DescribedLandmark> result;
-    const auto first = landmarks.begin() + static_cast<std::ptrdiff_t>(part * kAtOnce);
-    const auto last = landmarks.begin() + static_cast<std::ptrdiff_t>(std::min(landmarks.size(), (part + 1) * kAtOnce));
-    for (auto entry = first; entry != last; ++entry)
-      if (auto one = describer.described(entry->second)) result.push_back(std::move(*one));
+    for (std::size_t i = part * kAtOnce; i < std::min(landmarks.size(), (part + 1) * kAtOnce); ++i)
+      if (auto one = describer.described(*landmarks[i])) result.push_back(std::move(*one));
     return result;
   });
-  matching::LandmarkIndex index(options);
+  matching::LandmarkIndex index(making.index);
   for (const auto& part : known)
     for (const DescribedLandmark& one : part)
       if (matching::flaw(one).empty()) index.set(one);
   return index;
 }
 
+std::vector<const Landmark*> all_of(const Map& map) {
+  std::vector<const Landmark*> result;
+  for (const auto& [id, landmark] : map.landmarks) result.push_back(&landmark);
+  return result;
+}
+
 }  // namespace
 
-TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input,
-                   const matching::LandmarkIndexOptions& index, const matching::DescriptionOptions& description,
-                   std::shared_ptr<fusion::BagOfWordsCache> pictures, WorkerPool& pool)
-    : result_(std::move(result)) {
+TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, Making making, WorkerPool& pool)
+    : result_(std::move(result)), making_(std::move(making)) {
   for (const fusion::Component& component : result_.components) {
-    components_.emplace_back(component, index, description, pictures);
+    components_.emplace_back(component, making_);
+    components_.back().make_forgotten(pool);
     if (component.members.size() > 1) components_.back().make_landmarks(pool);  // shared all the time
     for (const Map& map : input) {
       if (!component.team_from_map.contains(map.id)) continue;
@@ -47,26 +49,32 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input,
   }
 }
 
-TeamView::Component::Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
-                               const matching::DescriptionOptions& description,
-                               std::shared_ptr<fusion::BagOfWordsCache> pictures)
-    : content_(content), index_(index), description_(description), pictures_(std::move(pictures)) {}
+TeamView::Component::Component(const fusion::Component& content, const Making& making)
+    : content_(content), making_(making) {}
+
+void TeamView::Component::make_forgotten(WorkerPool& pool) {
+  std::vector<const Landmark*> landmarks;
+  for (const LandmarkId& id : making_.forgotten)
+    if (const Landmark* landmark = content_.map.landmarks.find(id)) landmarks.push_back(landmark);
+  if (!landmarks.empty()) forgotten_.emplace(index_of(content_.map, landmarks, making_, pool));
+}
 
 void TeamView::Component::make_landmarks(WorkerPool& pool) const {
-  std::call_once(has_landmarks_, [&] { landmarks_.emplace(index_of(content_.map, index_, description_, pool)); });
+  std::call_once(has_landmarks_,
+                 [&] { landmarks_.emplace(index_of(content_.map, all_of(content_.map), making_, pool)); });
 }
 
 const matching::LandmarkIndex& TeamView::Component::landmarks() const {
   std::call_once(has_landmarks_, [&] {
     WorkerPool alone(1);
-    landmarks_.emplace(index_of(content_.map, index_, description_, alone));
+    landmarks_.emplace(index_of(content_.map, all_of(content_.map), making_, alone));
   });
   return *landmarks_;
 }
 
 const fusion::PlaceFinder& TeamView::Component::places(const matching::ChosenVocabulary& vocabulary,
                                                        WorkerPool& pool) const {
-  std::call_once(has_places_, [&] { places_.emplace(content_.map, vocabulary, *pictures_, pool); });
+  std::call_once(has_places_, [&] { places_.emplace(content_.map, vocabulary, *making_.pictures, pool); });
   return *places_;
 }
 

@@ -15,28 +15,36 @@ namespace mapweave::tiers {
 
 class TeamView {
  public:
+  // How landmarks are found and described, and which of them those who made them have no longer (ascending).
+  struct Making {
+    matching::LandmarkIndexOptions index;
+    matching::DescriptionOptions description;
+    std::shared_ptr<fusion::BagOfWordsCache> pictures;
+    std::vector<LandmarkId> forgotten;
+  };
   // `input`: what was merged to `result`.
-  TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-           const matching::DescriptionOptions& description, std::shared_ptr<fusion::BagOfWordsCache> pictures,
-           WorkerPool& pool);
+  TeamView(fusion::FusionResult result, const std::vector<Map>& input, Making making, WorkerPool& pool);
+  TeamView(const TeamView&) = delete;
+  TeamView& operator=(const TeamView&) = delete;
 
   // What is asked seldom is made when it is asked for the first time. All calls are thread-safe.
   class Component {
    public:
-    Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
-              const matching::DescriptionOptions& description, std::shared_ptr<fusion::BagOfWordsCache> pictures);
+    Component(const fusion::Component& content, const Making& making);
     const fusion::Component& content() const { return content_; }
     void make_landmarks(WorkerPool& pool) const;
     const matching::LandmarkIndex& landmarks() const;  // in the team's frame
+    // Of those, what the clients that made it have forgotten; null where that is nothing.
+    void make_forgotten(WorkerPool& pool);
+    const matching::LandmarkIndex* forgotten() const { return forgotten_ ? &*forgotten_ : nullptr; }
     const fusion::PlaceFinder& places(const matching::ChosenVocabulary& vocabulary, WorkerPool& pool) const;
 
    private:
     const fusion::Component& content_;
-    const matching::LandmarkIndexOptions index_;
-    const matching::DescriptionOptions description_;
-    const std::shared_ptr<fusion::BagOfWordsCache> pictures_;
+    const Making& making_;
     mutable std::once_flag has_landmarks_, has_places_;
     mutable std::optional<matching::LandmarkIndex> landmarks_;
+    std::optional<matching::LandmarkIndex> forgotten_;
     mutable std::optional<fusion::PlaceFinder> places_;
   };
   const std::deque<Component>& components() const { return components_; }
@@ -57,6 +65,7 @@ class TeamView {
 
  private:
   fusion::FusionResult result_;
+  const Making making_;
   std::deque<Component> components_;
   std::map<MapId, Member> members_;
 };

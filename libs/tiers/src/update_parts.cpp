@@ -35,6 +35,12 @@ class Cutter {
       pieces_.push_back({last, Kind::removed_landmark, i, kRemovedBytes});
     for (std::size_t i = 0; i < update.removed_nodes.size(); ++i)
       pieces_.push_back({last, Kind::removed_node, i, kRemovedBytes});
+    // Known before, and first: landmarks that are sent as a whole keep what forgotten keyframes saw of them, and
+    // forgotten landmarks may hang on keyframes that are removed.
+    for (std::size_t i = 0; i < update.forgotten_nodes.size(); ++i)
+      pieces_.push_back({0, Kind::forgotten_node, i, kRemovedBytes});
+    for (std::size_t i = 0; i < update.forgotten_landmarks.size(); ++i)
+      pieces_.push_back({0, Kind::forgotten_landmark, i, kRemovedBytes});
     std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
       return std::tie(a.place, a.kind, a.index) < std::tie(b.place, b.kind, b.index);
     });
@@ -46,7 +52,17 @@ class Cutter {
   }
 
  private:
-  enum class Kind { moved, node, landmark, changed_landmark, borrowed, removed_landmark, removed_node };
+  enum class Kind {
+    moved,
+    node,
+    landmark,
+    changed_landmark,
+    borrowed,
+    removed_landmark,
+    removed_node,
+    forgotten_node,
+    forgotten_landmark
+  };
   struct Piece {
     std::size_t place;  // 0: needs no new keyframe; else it belongs to the new keyframe of this number, counted from 1;
                         // one more: comes last
@@ -90,6 +106,8 @@ class Cutter {
         case Kind::borrowed: part.borrowed.push_back(update_.borrowed[from]); break;
         case Kind::removed_landmark: part.removed_landmarks.push_back(update_.removed_landmarks[from]); break;
         case Kind::removed_node: part.removed_nodes.push_back(update_.removed_nodes[from]); break;
+        case Kind::forgotten_node: part.forgotten_nodes.push_back(update_.forgotten_nodes[from]); break;
+        case Kind::forgotten_landmark: part.forgotten_landmarks.push_back(update_.forgotten_landmarks[from]); break;
       }
     }
     const auto by_id = [](const auto& a, const auto& b) { return a.id < b.id; };

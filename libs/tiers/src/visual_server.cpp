@@ -1,3 +1,4 @@
+#include "forgotten_content.h"
 #include "owned_update.h"
 #include "server_state.h"
 
@@ -34,6 +35,55 @@ MapMerge::Snapshots VisualServer::State::snapshots() const {
   return result;
 }
 
+std::vector<LandmarkId> VisualServer::State::forgotten() const {
+  std::vector<LandmarkId> result;
+  for (const auto& [session, client] : clients)
+    for (const auto& [client_map, part] : client.parts) {
+      const auto& of_part = part.inbox.forgotten_landmarks();
+      result.insert(result.end(), of_part.begin(), of_part.end());
+    }
+  std::sort(result.begin(), result.end());
+  return result;
+}
+
+void VisualServer::State::make_room(Client::Part& part) {
+  const auto most = static_cast<std::size_t>(options.keyframes);
+  const std::size_t held = part.inbox.map().nodes.size(), spare = most / 20 + 1;
+  const std::set<NodeId>& forgotten = part.inbox.forgotten_nodes();
+  if (held <= most || forgotten.empty() || held < part.tried_with + (part.tried_with > 0 ? spare : 0)) return;
+  const std::size_t count = std::min(forgotten.size(), held - most + std::min(spare, most) - 1);
+  const std::vector<NodeId> going(forgotten.begin(), std::next(forgotten.begin(), static_cast<std::ptrdiff_t>(count)));
+  if (shelf) {
+    try {
+      part.shelved.push_back(shelf->put(encode(part.inbox.content_of(going))));
+      shelf_trouble.clear();
+      part.tried_with = 0;
+    } catch (const Error& error) {
+      shelf_trouble = error.what();
+      part.tried_with = held;
+      return;
+    }
+  } else {
+    lost += count;
+  }
+  part.inbox.take_out(going);
+}
+
+VisualServer::State::Whole VisualServer::State::whole(const Client::Part& part) const {
+  Whole result{part.inbox.snapshot(), part.shelved, {}, shelf};
+  if (!part.shelved.empty()) result.poses = part.inbox.taken_out();
+  return result;
+}
+
+Map VisualServer::State::Whole::map() const {
+  Map map = *in_memory;
+  std::vector<MapUpdate> out;
+  for (const std::uint64_t number : shelved)
+    out.push_back(decode_map_update(shelf->get(number), "what the map server put on the disk"));
+  put_back(map, out, poses);
+  return map;
+}
+
 fusion::FusionInput VisualServer::State::input() const {
   fusion::FusionInput input;
   input.vetoed = vetoed;
@@ -61,6 +111,7 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   merge = std::make_shared<MapMerge>();
   merge->input = input();
   merge->rig = rig;
+  merge->forgotten = forgotten();
   if (last) merge->input.judged = last->kept_judgements;
   if (!std::exchange(vetoed_since, false) && last) merge->input.teams = last->teams;
   merge->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
@@ -90,6 +141,7 @@ void VisualServer::begin_with(const std::vector<Map>& maps) {
     state_->starts.emplace_back(name, std::make_shared<const Map>(std::move(part)));
   }
 }
+void VisualServer::use_shelf(std::shared_ptr<Shelf> shelf) { state_->shelf = std::move(shelf); }
 
 const Hash& VisualServer::vocabulary() const { return state_->fusion_options.visual.vocabulary.get().hash(); }
 
@@ -133,6 +185,7 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
     if (!stored.nodes.empty()) state_->published_since.insert(from);
   }
   count_waiting();
+  state_->make_room(part);
   received.receipt = part.inbox.receipt();
   if (known == client.parts.end()) {
     fresh.name = state_->fresh_name(client_map);
@@ -160,7 +213,20 @@ void VisualServer::veto(const Hash& judgement) {
 const std::set<Hash>& VisualServer::vetoed() const { return state_->vetoed; }
 
 std::vector<std::string> VisualServer::notes() const {
-  return state_->last ? state_->last->notes : std::vector<std::string>{};
+  std::vector<std::string> notes = state_->last ? state_->last->notes : std::vector<std::string>{};
+  if (const auto trouble = keeping_trouble()) notes.push_back(*trouble);
+  return notes;
+}
+
+std::optional<std::string> VisualServer::keeping_trouble() const {
+  const std::string most = "server.keyframes=" + std::to_string(state_->options.keyframes);
+  if (!state_->shelf_trouble.empty())
+    return "map server of " + state_->edge.str() + ": what its cameras forgot stays in memory, beyond " + most + ": " +
+           state_->shelf_trouble;
+  if (state_->lost > 0)
+    return "map server of " + state_->edge.str() + ": it has no disk to keep on what its cameras forgot, and forgot " +
+           std::to_string(state_->lost) + " of their keyframes, too; allow more than " + most;
+  return std::nullopt;
 }
 
 VisualServer::Snapshot VisualServer::snapshot() const { return snapshot_to_encode()(); }
@@ -169,22 +235,32 @@ std::function<VisualServer::Snapshot()> VisualServer::snapshot_to_encode() const
   struct Kept {
     SessionId from;
     Receipt receipt;
-    std::shared_ptr<const Map> map;
+    State::Whole map;
+    std::set<NodeId> forgotten_nodes;
+    std::set<LandmarkId> forgotten_landmarks;
     std::vector<LandmarkChange> borrowed;
   };
   std::vector<Kept> kept;
   for (const auto& [session, client_map] : state_->order) {
     const Client::Part& part = state_->clients.at(session).parts.at(client_map);
     if (part.inbox.receipt().stored > 0)
-      kept.push_back({session, part.inbox.receipt(), part.inbox.snapshot(), part.all_borrowed()});
+      kept.push_back({session, part.inbox.receipt(), state_->whole(part), part.inbox.forgotten_nodes(),
+                      part.inbox.forgotten_landmarks(), part.all_borrowed()});
   }
-  return [kept = std::move(kept)] {
+  return [kept = std::move(kept)]() mutable {
     Snapshot result;
-    for (const Kept& one : kept) {
-      MapUpdate all = difference(Map{}, *one.map);
+    for (Kept& one : kept) {
+      const Map map = one.map.map();
+      MapUpdate all = difference(Map{}, map);
+      for (const auto& [id, pose] : one.map.poses)
+        if (map.nodes.contains(id)) one.forgotten_nodes.insert(id);
       all.origin = one.receipt.origin;
       all.sequence = one.receipt.stored;
       all.borrowed = one.borrowed;
+      all.forgotten_nodes.assign(one.forgotten_nodes.begin(), one.forgotten_nodes.end());
+      for (const Landmark& landmark : all.landmarks)
+        if (one.forgotten_landmarks.count(landmark.id) != 0 || one.map.poses.count(landmark.anchor) != 0)
+          all.forgotten_landmarks.push_back(landmark.id);
       result.emplace_back(one.from, encode(all));
     }
     return result;
@@ -212,7 +288,32 @@ void VisualServer::leave(const SessionId& session) {
   if (parts.empty()) state_->clients.erase(client);
 }
 
-std::vector<Map> VisualServer::maps() const { return MapMerge::copies(state_->snapshots()); }
+std::vector<Map> VisualServer::maps() const {
+  std::vector<Map> result;
+  for (const auto& [session, client] : state_->clients)
+    for (const auto& [client_map, part] : client.parts) {
+      if (part.inbox.map().empty() && part.shelved.empty()) continue;
+      result.push_back(state_->whole(part).map());
+      result.back().id = part.name;
+    }
+  return result;
+}
+
+std::vector<KeptMap> VisualServer::kept_for(const SessionId& session) const {
+  std::vector<KeptMap> result;
+  for (const auto& [client_map, part] : state_->client(session).parts) {
+    if (part.inbox.forgotten_nodes().empty() && part.shelved.empty()) continue;
+    const State::Whole whole = state_->whole(part);
+    KeptMap& kept =
+        result.emplace_back(KeptMap{whole.map(), part.inbox.forgotten_nodes(), part.inbox.forgotten_landmarks()});
+    kept.map.id = client_map;
+    for (const auto& [id, pose] : whole.poses)
+      if (kept.map.nodes.contains(id)) kept.forgotten_nodes.insert(id);
+    for (const auto& [id, landmark] : kept.map.landmarks)
+      if (whole.poses.count(landmark.anchor) != 0) kept.forgotten_landmarks.insert(id);
+  }
+  return result;
+}
 
 const fusion::FusionResult& VisualServer::merged() const {
   static const fusion::FusionResult nothing;

@@ -177,7 +177,7 @@ struct VisualClient::State {
 
   int receive(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {
     const SessionId own{place.client, begun ? begun->ns : 0};
-    const int taken = borrowed.receive(map, session, of_others(landmarks, own, place.robot_from_camera));
+    const int taken = borrowed.receive(map, session, without_own(landmarks, map, own, place.robot_from_camera));
     tracker.drop_what_is_gone(map);
     return taken;
   }
@@ -265,7 +265,10 @@ std::optional<SessionId> VisualClient::run(const ClientPlace& place) const {
 std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, PublishedDetail detail) {
   if (!state_->begun) return {};
   if (!state_->publisher) state_->publisher.emplace(state_->publisher_for(place));
-  return state_->publisher->take(state_->map, detail);
+  state_->map.remembers_forgotten = true;
+  std::vector<MapUpdate> updates = state_->publisher->take(state_->map, detail);
+  state_->map.forgotten_landmarks.clear();
+  return updates;
 }
 
 void VisualClient::publish_again(const ClientPlace& place, const MapId& map) {
@@ -280,6 +283,11 @@ std::vector<Map> VisualClient::maps(const ClientPlace& place) const {
   for (const MapUpdate& update : publisher.take(state_->map, PublishedDetail::exact))
     result.push_back(updated(Map{}, update));
   return result;
+}
+
+std::size_t VisualClient::forgotten() const { return state_->mapper.forgotten(); }
+std::vector<PlacedForgotten> VisualClient::forgotten_keyframes(const ClientPlace& place) const {
+  return state_->begun ? state_->publisher_for(place).forgotten(state_->map) : std::vector<PlacedForgotten>{};
 }
 
 int VisualClient::borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {

@@ -246,6 +246,7 @@ void stretch(LandmarkMap& map, const std::vector<double>& scale_of_keyframe) {
     const auto scale = static_cast<float>(scale_of_keyframe[i]);
     for (float& depth : map.keyframes[i].depths) depth *= scale;
     for (AnchoredFrame& frame : map.keyframes[i].frames) frame.centre *= scale;
+    for (ForgottenKeyframe& one : map.keyframes[i].forgotten) one.place.centre *= scale;
   }
   for (Landmark& landmark : map.landmarks) {
     for (Observation& o : landmark.seen) {

@@ -29,6 +29,12 @@ std::pair<int, int> own_landmarks(const LandmarkMap& map, int number, int views)
   return {own, all};
 }
 
+bool may_go(const LandmarkMap& map, int number, int newest) {
+  const Keyframe &keyframe = map.keyframe(number), &last = map.keyframe(newest);
+  return !keyframe.gone && (keyframe.session != last.session || keyframe.serial + kStaying <= last.serial) &&
+         number != first_of(map, keyframe.session);
+}
+
 }  // namespace
 
 void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options) {
@@ -54,24 +60,22 @@ void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options) 
 }
 
 int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& options) {
-  const int session = map.keyframe(newest).session;
-  const auto may_go = [&](int number) {
-    const Keyframe& keyframe = map.keyframe(number);
-    return !keyframe.gone &&
-           (keyframe.session != session || keyframe.serial + kStaying <= map.keyframe(newest).serial) &&
-           number != first_of(map, keyframe.session);
-  };
   int best = -1;
   double least = 1.0 - options.redundant_share;
   for (const CovisibleKeyframe& shared : covisible(map, newest)) {
-    if (!may_go(shared.keyframe)) continue;
+    if (!may_go(map, shared.keyframe, newest)) continue;
     const auto [own, all] = own_landmarks(map, shared.keyframe, options.redundant_views);
     if (own <= least * all && (best < 0 || own < least * all)) {
       best = shared.keyframe;
       least = static_cast<double>(own) / std::max(1, all);
     }
   }
-  if (best >= 0 || map.keyframe_count() <= options.keyframes) return best;
+  return best;
+}
+
+int keyframe_to_forget(const LandmarkMap& map, int newest, const MemoryOptions& options) {
+  if (map.keyframe_count() <= options.keyframes) return -1;
+  int best = -1;
   // Whoever takes fewest landmarks away, of some that are asked in turn; of equals the earliest.
   const int slots = static_cast<int>(map.keyframes.size()), asked = std::min(slots, kAsked);
   const auto start = static_cast<int>(static_cast<std::uint64_t>(map.keyframe(newest).serial) * kAsked %
@@ -80,7 +84,7 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
     int fewest = 0;
     for (int i = 0; i < (round == 0 ? asked : slots); ++i) {
       const int number = (start + i) % slots;
-      if (!may_go(number)) continue;
+      if (!may_go(map, number, newest)) continue;
       const int own = own_landmarks(map, number, 1).first;
       if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial)) {
         best = number;

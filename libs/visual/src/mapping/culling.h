@@ -9,9 +9,11 @@ namespace mapweave::visual {
 // After `newest` was made and its window adjusted.
 void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options);
 
-// The keyframe that should go next; -1: none. The newest three of a session and its first one stay. Asked again until
-// it says none, the bound on keyframes holds.
+// The keyframe that should go next, because others show the same: -1 for none. The newest three of a session and its
+// first one stay.
 int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& options);
+// The same because the map is full: -1 while the bound on keyframes holds, or where none may go.
+int keyframe_to_forget(const LandmarkMap& map, int newest, const MemoryOptions& options);
 
 // Who inherits a keyframe's frames: who shares most landmarks with it, or else comes next in its session; -1: it is
 // alone.

@@ -112,9 +112,27 @@ void LandmarkMap::remove_keyframe(int number, int new_parent) {
       }
   for (const AnchoredFrame& frame : keyframe(number).frames)
     keyframe(new_parent).frames.push_back(anchored(frame.stamp, frame_from_keyframe(frame) * removed_from_parent));
+  for (ForgottenKeyframe& one : keyframe(number).forgotten) {
+    one.place = anchored(one.place.stamp, frame_from_keyframe(one.place) * removed_from_parent);
+    keyframe(new_parent).forgotten.push_back(one);
+  }
   keyframe(number) = Keyframe();
   keyframe(number).gone = true;
   free_keyframes.push_back(number);
+}
+
+void LandmarkMap::forget_keyframe(int number, int new_parent) {
+  if (!remembers_forgotten) return remove_keyframe(number, new_parent);
+  const Keyframe& forgotten = keyframe(number);
+  const View forgotten_from_parent = forgotten.view * keyframe(new_parent).view.inverse();
+  const ForgottenKeyframe kept{forgotten.serial, anchored(forgotten.stamp, forgotten_from_parent)};
+  std::vector<std::pair<int, std::uint32_t>> seen;  // own landmarks, and their serial numbers
+  for (int id : forgotten.landmarks)
+    if (!landmark(id).borrowed) seen.emplace_back(id, landmark(id).serial);
+  remove_keyframe(number, new_parent);
+  for (const auto& [id, serial] : seen)
+    if (landmark(id).gone) forgotten_landmarks.push_back(serial);
+  keyframe(new_parent).forgotten.push_back(kept);
 }
 
 void LandmarkMap::fuse(int kept, int other) {

@@ -73,6 +73,12 @@ struct AnchoredFrame {
 AnchoredFrame anchored(Stamp stamp, const View& frame_from_keyframe);
 View frame_from_keyframe(const AnchoredFrame& frame);
 
+// A keyframe that went because the map is full, and where it is seen from another one: it moves with it.
+struct ForgottenKeyframe {
+  std::uint32_t serial = 0;
+  AnchoredFrame place;
+};
+
 struct Keyframe {
   Stamp stamp;
   View view;
@@ -85,6 +91,7 @@ struct Keyframe {
   matching::OrbFeatures features;
   std::vector<float> depths;
   std::vector<AnchoredFrame> frames;
+  std::vector<ForgottenKeyframe> forgotten;
 };
 
 // A landmark found in a frame.
@@ -120,7 +127,9 @@ struct LandmarkMap {
   std::uint32_t keyframes_made = 0, landmarks_made = 0;
   // Landmarks on probation, and the keyframe (its serial number) that made them.
   std::vector<std::pair<int, std::uint32_t>> recent_landmarks;
-  std::vector<DepthCandidate> candidates;  // in the order of their keyframes
+  std::vector<DepthCandidate> candidates;          // in the order of their keyframes
+  bool remembers_forgotten = false;                // somebody keeps what goes because the map is full
+  std::vector<std::uint32_t> forgotten_landmarks;  // serial numbers of those that went so, until that is published
 
   Keyframe& keyframe(int number) { return keyframes[static_cast<std::size_t>(number)]; }
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
@@ -164,6 +173,8 @@ struct LandmarkMap {
   // What was anchored to it (frames, appearances) is anchored to `new_parent`, of the same session. Landmarks that only
   // one other sees go too.
   void remove_keyframe(int keyframe, int new_parent);
+  // The same because the map is full: others may keep it.
+  void forget_keyframe(int keyframe, int new_parent);
   // `other` is the same as `kept`, and is gone. Neither is borrowed.
   void fuse(int kept, int other);
   // A keyframe that nothing depends on yet, with the landmarks that only it sees.

@@ -46,13 +46,19 @@ void LocalMapper::refine(LandmarkMap& map, int newest, const std::vector<Match>&
   cull_landmarks(map, newest, options_.memory);
 }
 
-std::vector<int> LocalMapper::cull_keyframes(LandmarkMap& map, int newest) const {
+std::vector<int> LocalMapper::cull_keyframes(LandmarkMap& map, int newest) {
   std::vector<int> gone;
   for (int count = 0; count < kCulledAtOnce || map.keyframe_count() > options_.memory.keyframes; ++count) {
-    const int number = keyframe_to_cull(map, newest, options_.memory);
+    const int redundant = keyframe_to_cull(map, newest, options_.memory);
+    const int number = redundant >= 0 ? redundant : keyframe_to_forget(map, newest, options_.memory);
     const int new_parent = number < 0 ? -1 : new_parent_of(map, number);
     if (new_parent < 0) break;
-    map.remove_keyframe(number, new_parent);
+    if (redundant < 0) {
+      map.forget_keyframe(number, new_parent);
+      ++forgotten_;
+    } else {
+      map.remove_keyframe(number, new_parent);
+    }
     gone.push_back(number);
   }
   return gone;

@@ -29,7 +29,8 @@ class LocalMapper {
   // found again.
   void refine(LandmarkMap& map, int newest, const std::vector<Match>& matches, const Pyramid& picture) const;
   // Keyframes that are not worth keeping are gone, and answered.
-  std::vector<int> cull_keyframes(LandmarkMap& map, int newest) const;
+  std::vector<int> cull_keyframes(LandmarkMap& map, int newest);
+  std::size_t forgotten() const { return forgotten_; }  // of those, because the map was full
   // A frame of the trajectory.
   void keep_frame(LandmarkMap& map, Stamp stamp, const View& view, int reference);
 
@@ -37,6 +38,7 @@ class LocalMapper {
   ClientOptions options_;
   MonoStart mono_start_;
   std::size_t frames_ = 0;  // of the trajectory, at most
+  std::size_t forgotten_ = 0;
 };
 
 }  // namespace mapweave::visual

@@ -43,12 +43,20 @@ std::optional<Expected> expected(const matching::DescribedLandmark& known, const
 
 }  // namespace
 
-std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
-                                         const Pose3& robot_from_camera) {
+std::vector<DescribedLandmark> without_own(const std::vector<DescribedLandmark>& landmarks, const LandmarkMap& map,
+                                           const SessionId& own, const Pose3& robot_from_camera) {
   const Pose3 camera_from_robot = inverse(robot_from_camera);
+  const auto is_own = [&](const DescribedLandmark& landmark) { return landmark.id.session == own; };
+  std::vector<std::uint32_t> had;  // serial numbers
+  if (std::any_of(landmarks.begin(), landmarks.end(), is_own))
+    for (const Landmark& landmark : map.landmarks)
+      if (!landmark.gone) had.push_back(landmark.serial);
+  std::sort(had.begin(), had.end());
   std::vector<DescribedLandmark> result;
   for (const DescribedLandmark& landmark : landmarks)
-    if (landmark.id.session != own) result.push_back(matching::transformed(landmark, {camera_from_robot, 1.0}));
+    if (!is_own(landmark) ||
+        (landmark.id.index < map.landmarks_made && !std::binary_search(had.begin(), had.end(), landmark.id.index)))
+      result.push_back(matching::transformed(landmark, {camera_from_robot, 1.0}));
   return result;
 }
 

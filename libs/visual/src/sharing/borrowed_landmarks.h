@@ -28,9 +28,10 @@ struct PosedFeatures {
 PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view,
                          const TrackingOptions& options);
 
-// Those that `own` did not make, in the frame of the map in memory: that of the first camera, not of the robot.
-std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
-                                         const Pose3& robot_from_camera);
+// Those that the map does not have, in the frame of the map in memory: that of the first camera, not of the robot. What
+// `own` made is among them once the map has forgotten it.
+std::vector<DescribedLandmark> without_own(const std::vector<DescribedLandmark>& landmarks, const LandmarkMap& map,
+                                           const SessionId& own, const Pose3& robot_from_camera);
 
 class BorrowedLandmarks {
  public:

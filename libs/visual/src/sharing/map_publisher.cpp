@@ -96,8 +96,8 @@ MapUpdate& MapPublisher::update_of(int part) {
   return found->second;
 }
 
-Pose3 MapPublisher::map_from_robot(const Keyframe& keyframe) const {
-  return compose(compose(place_.robot_from_camera, pose_of(keyframe.view)), inverse(place_.robot_from_camera));
+Pose3 MapPublisher::map_from_robot(const View& view) const {
+  return compose(compose(place_.robot_from_camera, pose_of(view)), inverse(place_.robot_from_camera));
 }
 
 std::shared_ptr<const Payload> MapPublisher::payload_of(const LandmarkMap& map, const Keyframe& keyframe) {
@@ -131,11 +131,11 @@ void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail det
     SentKeyframe& sent = keyframes_[slot];
     const bool known = !keyframe.gone && sent.part == keyframe.session && sent.serial == keyframe.serial;
     if (!known && sent.part >= 0) {
-      update_of(sent.part).removed_nodes.push_back(node_id(sent.serial));
+      if (!say_forgotten(sent)) update_of(sent.part).removed_nodes.push_back(node_id(sent.serial));
       sent.part = -1;
     }
     if (keyframe.gone) continue;
-    const Pose3 pose = map_from_robot(keyframe);
+    const Pose3 pose = map_from_robot(keyframe.view);
     if (!known) {
       update_of(keyframe.session)
           .nodes.push_back({node_id(keyframe.serial), keyframe.stamp, pose, payload_of(map, keyframe)});
@@ -148,12 +148,46 @@ void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail det
   }
 }
 
+// One that was published and has gone from its slot: whether because the map was full.
+bool MapPublisher::say_forgotten(const SentKeyframe& sent) {
+  if (forgotten_now_.count(sent.serial) == 0) return false;
+  update_of(sent.part).forgotten_nodes.push_back(node_id(sent.serial));
+  kept_elsewhere_[sent.serial] = sent;
+  return true;
+}
+
+// Where they are while those that they hang on are of the same map.
+void MapPublisher::publish_forgotten(const LandmarkMap& map, PublishedDetail detail) {
+  for (const Keyframe& keyframe : map.keyframes)
+    for (const ForgottenKeyframe& one : keyframe.forgotten) {
+      const auto sent = kept_elsewhere_.find(one.serial);
+      if (sent == kept_elsewhere_.end() || sent->second.part != keyframe.session) continue;
+      const Pose3 pose = map_from_robot(frame_from_keyframe(one.place) * keyframe.view);
+      if (!has_moved(sent->second.map_from_robot, pose, detail)) continue;
+      update_of(keyframe.session).moved.push_back({node_id(one.serial), pose});
+      sent->second.map_from_robot = pose;
+    }
+}
+
+std::vector<PlacedForgotten> MapPublisher::forgotten(const LandmarkMap& map) const {
+  std::vector<PlacedForgotten> result;
+  for (const Keyframe& keyframe : map.keyframes)
+    for (const ForgottenKeyframe& one : keyframe.forgotten)
+      result.push_back({node_id(one.serial), map_of(session_.client, keyframe.session),
+                        map_from_robot(frame_from_keyframe(one.place) * keyframe.view)});
+  sort_by_id(result);
+  return result;
+}
+
 void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail detail) {
   landmarks_.resize(std::max(landmarks_.size(), map.landmarks.size()));
   const std::size_t least_seen =
       detail == PublishedDetail::exact ? 1 : 2;                    // what one keyframe saw may not be there at all
   std::vector<std::pair<std::uint32_t, const Observation*>> seen;  // by serial number of the keyframe
   std::vector<std::uint32_t> now;                                  // those numbers
+  std::vector<std::uint32_t> forgotten = map.forgotten_landmarks;
+  std::sort(forgotten.begin(), forgotten.end());
+  const auto is_kept_elsewhere = [&](std::uint32_t keyframe) { return kept_elsewhere_.count(keyframe) != 0; };
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
@@ -171,7 +205,9 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
     const int part = anchor != nullptr ? map.keyframe(anchor->keyframe).session : -1;
     const bool same = published && sent.part == part && sent.serial == landmark.serial;
     if (!same && sent.part >= 0) {
-      update_of(sent.part).removed_landmarks.push_back(landmark_id(sent.serial));
+      MapUpdate& update = update_of(sent.part);
+      const bool is_forgotten = std::binary_search(forgotten.begin(), forgotten.end(), sent.serial);
+      (is_forgotten ? update.forgotten_landmarks : update.removed_landmarks).push_back(landmark_id(sent.serial));
       sent = {};
     }
     if (!published) continue;
@@ -183,6 +219,9 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
     const Eigen::Vector3d in_camera = held_by.view * landmark.point;
     const Eigen::Vector3i units = landmark_units(transformed(in_camera, place_.robot_from_camera));
     for (const auto& [serial, o] : seen) now.push_back(serial);
+    // What keyframes saw that are kept elsewhere is kept there, too.
+    if (same && !kept_elsewhere_.empty())
+      sent.seen.erase(std::remove_if(sent.seen.begin(), sent.seen.end(), is_kept_elsewhere), sent.seen.end());
     const bool lost_sightings = same && !std::includes(now.begin(), now.end(), sent.seen.begin(), sent.seen.end());
     if (!same || held_by.serial != sent.anchor || lost_sightings) {
       mapweave::Landmark whole{landmark_id(landmark.serial), node_id(held_by.serial), units, landmark.colour, {}};
@@ -240,7 +279,11 @@ void MapPublisher::publish_borrowed(const LandmarkMap& map, PublishedDetail deta
 std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetail detail) {
   updates_.clear();
   while (!forgotten_.empty()) update_of(*forgotten_.begin());  // though nothing be left of it
+  forgotten_now_.clear();
+  for (const Keyframe& keyframe : map.keyframes)
+    for (const ForgottenKeyframe& one : keyframe.forgotten) forgotten_now_.insert(one.serial);
   publish_keyframes(map, detail);
+  publish_forgotten(map, detail);
   publish_landmarks(map, detail);
   publish_borrowed(map, detail);
   std::vector<MapUpdate> result;
@@ -252,6 +295,8 @@ std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetai
     sort_by_id(update.borrowed);
     std::sort(update.removed_nodes.begin(), update.removed_nodes.end());
     std::sort(update.removed_landmarks.begin(), update.removed_landmarks.end());
+    std::sort(update.forgotten_nodes.begin(), update.forgotten_nodes.end());
+    std::sort(update.forgotten_landmarks.begin(), update.forgotten_landmarks.end());
     result.push_back(std::move(update));
   }
   return result;
@@ -266,6 +311,8 @@ void MapPublisher::forget(int part) {
     }
   for (SentLandmark& sent : landmarks_)
     if (sent.part == part) sent = {};
+  for (auto kept = kept_elsewhere_.begin(); kept != kept_elsewhere_.end();)
+    kept = kept->second.part == part ? kept_elsewhere_.erase(kept) : std::next(kept);
   std::sort(serials.begin(), serials.end());
   for (SentLandmark& sent : borrowed_)
     sent.seen.erase(std::remove_if(sent.seen.begin(), sent.seen.end(),

@@ -25,6 +25,8 @@ class MapPublisher {
   std::vector<MapUpdate> take(const LandmarkMap& map, PublishedDetail detail);
   // Of one map, what was published: the next update of it says all, and builds on nothing.
   void forget(int part);
+  // Keyframes that the map has forgotten, as they lie now; by id.
+  std::vector<PlacedForgotten> forgotten(const LandmarkMap& map) const;
 
  private:
   struct SentKeyframe {
@@ -42,10 +44,12 @@ class MapPublisher {
   MapUpdate& update_of(int part);
   NodeId node_id(std::uint32_t serial) const { return {session_, serial}; }
   LandmarkId landmark_id(std::uint32_t serial) const { return {session_, serial}; }
-  Pose3 map_from_robot(const Keyframe& keyframe) const;
+  Pose3 map_from_robot(const View& view) const;
   std::shared_ptr<const Payload> payload_of(const LandmarkMap& map, const Keyframe& keyframe);
   LandmarkSighting sighting_of(const LandmarkMap& map, const Observation& observation) const;
   void publish_keyframes(const LandmarkMap& map, PublishedDetail detail);
+  bool say_forgotten(const SentKeyframe& sent);
+  void publish_forgotten(const LandmarkMap& map, PublishedDetail detail);
   void publish_landmarks(const LandmarkMap& map, PublishedDetail detail);
   void publish_borrowed(const LandmarkMap& map, PublishedDetail detail);
 
@@ -56,10 +60,12 @@ class MapPublisher {
   std::shared_ptr<const CameraGeometry> geometry_;
   std::vector<SentKeyframe> keyframes_;  // by slot
   std::vector<SentLandmark> landmarks_;
-  std::vector<SentLandmark> borrowed_;     // by slot; sightings alone
-  std::map<int, std::uint64_t> sequence_;  // by part
-  std::set<int> forgotten_;                // parts
-  std::map<int, MapUpdate> updates_;       // of this call
+  std::vector<SentLandmark> borrowed_;                    // by slot; sightings alone
+  std::map<std::uint32_t, SentKeyframe> kept_elsewhere_;  // keyframes that were said to be forgotten; by serial number
+  std::set<std::uint32_t> forgotten_now_;                 // serial numbers of keyframes that the map has forgotten
+  std::map<int, std::uint64_t> sequence_;                 // by part
+  std::set<int> forgotten_;                               // parts
+  std::map<int, MapUpdate> updates_;                      // of this call
 };
 
 }  // namespace mapweave::visual

@@ -41,6 +41,10 @@ struct MapUpdate {
   // Landmarks of other maps that this map's keyframes saw: new sightings, no points. Not part of the Map: whoever knows
   // both maps joins them.
   std::vector<LandmarkChange> borrowed;
+  // Sound content that its sender no longer has, to stay bounded: whoever receives it may keep it. Not part of the Map,
+  // where both stay as they are; the sender still says where such nodes move.
+  std::vector<NodeId> forgotten_nodes;
+  std::vector<LandmarkId> forgotten_landmarks;
   // Planar poses and constraints that floats hold exactly are written as floats (form 7): for maps whose numbers were
   // rounded to them. Not part of the Map, and not told by decode.
   bool in_floats = false;

@@ -8,6 +8,7 @@
 #include <mapweave/rig/rig.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
+#include <mapweave/tiers/kept_map.h>
 #include <mapweave/visual/visual_client.h>
 
 #include <atomic>
@@ -54,7 +55,7 @@ struct CamerasOutcome {
   // elsewhere and never came back to a place that it knew.
   std::vector<CameraMap> maps;
   std::vector<std::string> notes;      // why its cameras left several maps
-  std::vector<std::string> doubts;     // what is implausible of the log's numbers
+  std::vector<std::string> doubts;     // what is implausible of the log's numbers, and what had no room
   std::vector<StampedPose> odometry;   // of the robot at its cameras' frames, in a frame of its own
   std::vector<rig::SpokenPoses> live;  // where it was by each camera, as it came; by label
   std::vector<StampedPose> wheels;     // at their own rate
@@ -80,6 +81,7 @@ class CameraTask {
     visual::ClientPlace place;
     visual::VisualClient* client;
     CameraReport* report;
+    std::vector<tiers::KeptMap>* kept;  // to be filled in: what a map server keeps for it
   };
   std::vector<Client> clients();  // of the cameras that have had a frame, by label; valid until finish()
   CamerasOutcome finish();        // once

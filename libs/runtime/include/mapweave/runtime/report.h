@@ -29,7 +29,10 @@ struct CameraReport {
   std::vector<Loop> loops;
   double longest_loss_s = 0.0;
   std::uint64_t sent_bytes = 0, received_bytes = 0;  // to and from the edge's map server, where they share
-  std::uint64_t borrowed = 0;                        // landmarks of others that keyframes saw, at most at once
+  std::uint64_t passed_on_bytes =
+      0;                       // of what it sent, by its edge to the cloud, and on to all other edges with cameras
+  std::uint64_t borrowed = 0;  // landmarks of others that keyframes saw, at most at once
+  std::uint64_t forgotten = 0, kept = 0;  // keyframes: that it had no room for; of those, that its map server kept
   // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding
   // and rectifying.
   double tracking_mean_ms = 0.0, tracking_p99_ms = 0.0, keyframe_mean_ms = 0.0, packing_mean_ms = 0.0;

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -37,10 +38,28 @@ class UpdateInbox {
   // The map as it is now; what comes later changes another one. Read and let go of on any thread. While it is held the
   // next update to be stored copies the map, once.
   std::shared_ptr<const Map> snapshot() const;
+
+  // Of the map: what the sender no longer has (MapUpdate::forgotten_nodes). Landmarks that it has still keep what such
+  // keyframes saw of them.
+  const std::set<NodeId>& forgotten_nodes() const { return forgotten_nodes_; }
+  const std::set<LandmarkId>& forgotten_landmarks() const { return forgotten_landmarks_; }
+  // Forgotten keyframes (contract), ascending, with the landmarks that hang on them and what they saw of others: as an
+  // update that builds on nothing.
+  MapUpdate content_of(const std::vector<NodeId>& nodes) const;
+  // Takes the same out of the map.
+  void take_out(const std::vector<NodeId>& nodes);
+  // Those that were taken out, and where they lie now.
+  const std::map<NodeId, Pose3>& taken_out() const { return taken_out_; }
+
   Receipt receipt() const { return {origin_, stored_, waiting_.empty() ? 0 : stored_ + 1}; }
 
  private:
   void store(const MapUpdate& update);
+  void apply_here(const MapUpdate& update);
+  bool concerns_forgotten(const MapUpdate& update) const;
+  MapUpdate fitted(MapUpdate update) const;
+  std::set<LandmarkId> hanging_on(const std::vector<NodeId>& nodes) const;
+  void note_forgotten(const MapUpdate& update);
   Origin origin_;
   struct Kept {
     Map map;
@@ -48,6 +67,9 @@ class UpdateInbox {
   };
   std::shared_ptr<Kept> kept_;
   LandmarksByNode hanging_;  // of the map
+  std::set<NodeId> forgotten_nodes_;
+  std::set<LandmarkId> forgotten_landmarks_;
+  std::map<NodeId, Pose3> taken_out_;
   std::uint64_t stored_ = 0;
   struct Waiting {
     MapUpdate update;

@@ -10,6 +10,8 @@
 #include <mapweave/maps/exchange.h>
 #include <mapweave/matching/landmark_description.h>
 #include <mapweave/rig/rig.h>
+#include <mapweave/tiers/kept_map.h>
+#include <mapweave/tiers/shelf.h>
 #include <mapweave/tiers/update_inbox.h>
 
 #include <functional>
@@ -38,6 +40,8 @@ struct ServerOptions {
   double far_m = 10.0;
   double correct_m = 0.05;
   double most_bytes_per_s = 0.0;
+  int keyframes = 5000;
+  bool across_edges = true;
   matching::LandmarkIndexOptions index;
   matching::RetrievalOptions retrieval;
   matching::DescriptionOptions description;
@@ -46,7 +50,7 @@ struct ServerOptions {
     v.choice(
         "share", share, {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}},
         "what the camera map server of an edge sends to its clients; none: nothing; view: landmarks of other robots "
-        "of the edge that they may see, and "
+        "that they may see, their own ones that they forgot (visual.memory.keyframes), and "
         "relocalisation when lost; full: also corrections of their keyframes from the merged map");
     v.positive("share_rate_hz", share_rate_hz,
                "updates per second of recorded time that a client and the server exchange; larger values react faster "
@@ -82,6 +86,13 @@ struct ServerOptions {
                    "largest mean rate in bytes per second at which the server sends to one client; smaller values "
                    "first share fewer landmarks, then delay corrections; larger values share more; relocalisation is "
                    "always answered; 0: unlimited");
+    v.integer("keyframes", keyframes, 20, 10000000,
+              "most keyframes of a client's map that the server holds in memory; it keeps what a client forgets "
+              "(visual.memory.keyframes), beyond this number on the disk, no longer shared but part of "
+              "the final map; larger values share more and need more memory");
+    v.flag("across_edges", across_edges,
+           "camera map servers of several edges send each other, through the cloud, what their clients publish, so "
+           "that cameras of different edges share too; off: cameras share within their edge alone");
     v.section("index", index, "lookup of shared landmarks by place");
     v.section("retrieval", retrieval, "which landmarks of other robots a camera may see from where it is");
     v.section("description", description, "descriptors and position errors of shared landmarks");
@@ -101,6 +112,8 @@ class VisualServer {
   // rig: of clients that are cameras of one robot.
   VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig = {});
   ~VisualServer();
+  // For what clients have forgotten beyond ServerOptions::keyframes. Without one the server forgets that, too.
+  void use_shelf(std::shared_ptr<Shelf> shelf);
 
   // Maps of sessions before, as of clients that are not there: merged with those of clients, shared with them, and
   // known again when they are lost. What lasers mapped of them is left out, and so is a map without keyframes or
@@ -169,8 +182,12 @@ class VisualServer {
   // Every client's own map, as published; ids are those of the clients', unless one was there before (of another run):
   // "alpha.front-2". And the maps that it began with.
   std::vector<Map> maps() const;
-  // Of the last merge, for people: why cameras of one robot are not merged.
+  // Of those, a client's own that hold what it has forgotten (KeptMap); ids of maps are the client's.
+  std::vector<KeptMap> kept_for(const SessionId& client) const;
+  // For people: why cameras of one robot are not merged, by the last merge; keeping_trouble().
   std::vector<std::string> notes() const;
+  // What could not be kept, or not on the disk, of what clients forgot.
+  std::optional<std::string> keeping_trouble() const;
   // As merged last; empty before. Members are clients' own maps, of a merged rig or not; verdicts name a rig by the
   // member that began first.
   const fusion::FusionResult& merged() const;

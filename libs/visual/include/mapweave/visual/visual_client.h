@@ -45,6 +45,13 @@ struct MappedLandmark {
   int session = 0;
 };
 
+// Of a keyframe that the client no longer has (MemoryOptions::keyframes), as take_updates() says it.
+struct PlacedForgotten {
+  NodeId id;
+  MapId map;  // that it lies in now
+  Pose3 map_from_robot;
+};
+
 // In the frame that was tracked last.
 struct SeenLandmark {
   int landmark = 0;  // the same number in every frame
@@ -89,6 +96,12 @@ class VisualClient {
   // Every session's whole map, whatever was published before: as take_updates() on a client that has published nothing
   // yet.
   std::vector<Map> maps(const ClientPlace& place) const;
+  // How many keyframes went because the map was full (MemoryOptions::keyframes). Once take_updates() was called, it
+  // names them as forgotten and not as removed, and says where they move with the keyframes that are left: a server may
+  // keep them. A few hundred bytes are kept for each.
+  std::size_t forgotten() const;
+  // By id. Of those that went since the first take_updates().
+  std::vector<PlacedForgotten> forgotten_keyframes(const ClientPlace& place) const;
   // Of which run its ids speak: from the first frame on.
   std::optional<SessionId> run(const ClientPlace& place) const;
 
@@ -96,7 +109,7 @@ class VisualClient {
   // how those show them. They are never altered: a known one that is sent again takes its new place, what does not fit
   // what the client sees is dropped, what stays out of view for long is forgotten, all of a session's when it is
   // corrected after a loop. take_updates() says what keyframes saw of them (MapUpdate::borrowed). How many are kept is
-  // answered: its own ones, those for a session that is not kept, and what is not sound are left out.
+  // answered: its own ones that it still has, those for a session that is not kept, and what is not sound are left out.
   int borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks);
   // Where the client is: the server shares landmarks that it may see there; nullopt while it has no place.
   std::optional<ClientView> view(const ClientPlace& place) const;
