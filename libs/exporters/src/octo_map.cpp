@@ -5,6 +5,7 @@
 #include <octomap/ColorOcTree.h>
 
 #include <algorithm>
+#include <cmath>
 #include <sstream>
 
 namespace mapweave::exporters {
@@ -56,15 +57,37 @@ std::unique_ptr<octomap::ColorOcTree> coarser(const octomap::ColorOcTree& tree) 
   return result;
 }
 
+// Cells of a row or column of a grid as those of the tree: whose middles lie in each, or the one around its middle.
+struct Keys {
+  octomap::key_type first = 1, last = 0;
+  bool empty() const { return last < first; }
+};
+std::vector<Keys> keys_along(double origin_m, double cell_m, std::int32_t count, double resolution_m) {
+  constexpr double kMost = 2.0 * kMiddle - 1.0;
+  std::vector<Keys> result(static_cast<std::size_t>(count));
+  for (std::int32_t i = 0; i < count; ++i) {
+    const double low = (origin_m + i * cell_m) / resolution_m, high = (origin_m + (i + 1) * cell_m) / resolution_m;
+    double first = std::ceil(low - 0.5), last = std::ceil(high - 0.5) - 1.0;
+    if (last < first) first = last = std::floor(0.5 * (low + high));
+    first += kMiddle;
+    last += kMiddle;
+    if (first >= 0.0 && last <= kMost)
+      result[static_cast<std::size_t>(i)] = {static_cast<octomap::key_type>(first),
+                                             static_cast<octomap::key_type>(last)};
+  }
+  return result;
+}
+
 }  // namespace
 
 struct OctoMapWriter::Tree {
   std::unique_ptr<octomap::ColorOcTree> tree;
   std::size_t most_nodes = 0, left_out = 0;
-  bool finished = false;
+  bool finished = false, has_pictures = false;
   octomap::KeyRay ray;  // kept between calls: its memory is large
 
   bool learn(const octomap::point3d& camera, const std::vector<ColouredPoint>& points);
+  bool learn(const MapSlab& slab);
 
  private:
   struct End {  // a cell that rays end in
@@ -153,6 +176,51 @@ bool OctoMapWriter::Tree::learn(const octomap::point3d& camera, const std::vecto
   return true;
 }
 
+// False where there is no memory for all of it.
+bool OctoMapWriter::Tree::learn(const MapSlab& slab) {
+  const OccupancyGrid& grid = slab.grid;
+  const double resolution_m = tree->getResolution();
+  const std::vector<Keys> columns = keys_along(grid.origin_x_m, grid.resolution_m, grid.columns, resolution_m),
+                          rows = keys_along(grid.origin_y_m, grid.resolution_m, grid.rows, resolution_m);
+  const auto height = static_cast<octomap::key_type>(std::floor(slab.height_m / resolution_m) + kMiddle);
+  const auto put = [&](const octomap::OcTreeKey& key, float log_odds) {
+    const octomap::ColorOcTreeNode* known = tree->search(key);
+    if (known == nullptr || known->getLogOdds() < log_odds) tree->setNodeValue(key, log_odds, true);
+  };
+  for (std::int32_t row = 0; row < grid.rows; ++row) {
+    for (std::int32_t column = 0; column < grid.columns; ++column) {
+      const std::int16_t units = grid.at(column, row);
+      if (units == OccupancyGrid::kUnknown) continue;
+      const auto log_odds = std::clamp(static_cast<float>(units / OccupancyGrid::kUnitsPerNat),
+                                       tree->getClampingThresMinLog(), tree->getClampingThresMaxLog());
+      const Keys &xs = columns[static_cast<std::size_t>(column)], &ys = rows[static_cast<std::size_t>(row)];
+      for (unsigned x = xs.first; x <= xs.last; ++x)
+        for (unsigned y = ys.first; y <= ys.last; ++y)
+          put({static_cast<octomap::key_type>(x), static_cast<octomap::key_type>(y), height}, log_odds);
+    }
+    if (tree->size() > most_nodes) return false;
+  }
+  return true;
+}
+
+void OctoMapWriter::add(const MapSlab& slab) {
+  MAPWEAVE_EXPECT(!tree_->finished && !tree_->has_pictures, "slabs come before pictures");
+  MAPWEAVE_EXPECT(std::isfinite(slab.height_m), "a slab has a height");
+  const OccupancyGrid& grid = slab.grid;
+  octomap::OcTreeKey key;
+  const auto is_inside = [&](double x_m, double y_m) {
+    return tree_->tree->coordToKeyChecked(x_m, y_m, slab.height_m, key);
+  };
+  for (std::int32_t row = 0; row < grid.rows; ++row)
+    for (std::int32_t column = 0; column < grid.columns; ++column)
+      if (grid.at(column, row) != OccupancyGrid::kUnknown &&
+          !is_inside(grid.origin_x_m + (column + 0.5) * grid.resolution_m,
+                     grid.origin_y_m + (row + 0.5) * grid.resolution_m))
+        ++tree_->left_out;
+  if (!is_inside(0.0, 0.0)) return;
+  while (!tree_->learn(slab)) tree_->tree = coarser(*tree_->tree);
+}
+
 void OctoMapWriter::add(const Eigen::Vector3d& camera_in_map, const std::vector<ColouredPoint>& points_in_map) {
   MAPWEAVE_EXPECT(!tree_->finished && camera_in_map.allFinite(), "a camera stands somewhere before the end");
   const auto inside = [&](const octomap::point3d& place) {
@@ -165,6 +233,7 @@ void OctoMapWriter::add(const Eigen::Vector3d& camera_in_map, const std::vector<
     tree_->left_out += points_in_map.size();
     return;
   }
+  tree_->has_pictures = true;
   for (const auto& [point, rgb] : points_in_map) tree_->left_out += inside({point.x(), point.y(), point.z()}) ? 0 : 1;
   while (!tree_->learn(camera, points_in_map)) tree_->tree = coarser(*tree_->tree);
 }

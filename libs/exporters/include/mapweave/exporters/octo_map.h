@@ -2,6 +2,7 @@
 // Where there is something in space, where nothing is, and where nobody looked: OctoMap's trees (Hornung et al. 2013).
 
 #include <mapweave/exporters/point_cloud.h>
+#include <mapweave/maps/occupancy_grid.h>
 
 #include <memory>
 
@@ -21,6 +22,12 @@ struct OctoMapOptions {
   }
 };
 
+// What planar sensors saw from one height.
+struct MapSlab {
+  double height_m = 0.0;  // above the floor of the map
+  OccupancyGrid grid;
+};
+
 struct OctoMapFiles {
   std::string bt;  // an octomap::OcTree: occupied, free, unknown
   std::string ot;  // an octomap::ColorOcTree: probabilities and colours
@@ -35,10 +42,15 @@ class OctoMapWriter {
   // origin are left out, and all of a camera outside of it. Contract: finite.
   void add(const Eigen::Vector3d& camera_in_map, const std::vector<ColouredPoint>& points_in_map);
 
+  // One layer of cells at the slab's height: walls are occupied, what was seen through is free. Of cells that lie
+  // within one cell of the tree, a wall counts. Before any picture (contract): pictures add to what it says. Cells
+  // outside of the cube are left out.
+  void add(const MapSlab& slab);
+
   double resolution_m() const;  // now: that of the options, doubled once or more where memory was short
   std::size_t nodes() const;
   std::size_t most_nodes() const;
-  std::size_t left_out() const;  // points
+  std::size_t left_out() const;  // points, and cells of slabs
   // The end: nothing is added after it, and it comes once (contract).
   OctoMapFiles finish();
 
