@@ -126,6 +126,7 @@ fusion::FusionInput CloudMerger::input() const {
   fusion::FusionInput input;
   input.by = cloud_;
   input.priors = priors_;
+  input.refused = refused_;
   input.models = models_;
   input.merged = merged_;
   input.refused = refused_;

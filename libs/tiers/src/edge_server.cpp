@@ -56,6 +56,7 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   fusion::FusionInput input;
   input.by = edge_;
   input.priors = priors_;
+  input.refused = refused_;
   input.models = models_;
   for (const auto& [id, map] : maps_) input.maps.push_back(map);
   fusion::Memo memo;

@@ -1,6 +1,7 @@
 #include "map_merge.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace mapweave::tiers {
 namespace {
@@ -21,12 +22,22 @@ std::vector<Map> MapMerge::copies(const Snapshots& snapshots) {
   return result;
 }
 
+void MapMerge::refuse(const std::set<std::pair<RobotId, RobotId>>& robots, fusion::FusionInput& input) {
+  if (robots.empty()) return;
+  for (auto a = input.maps.begin(); a != input.maps.end(); ++a)
+    for (auto b = std::next(a); b != input.maps.end(); ++b)
+      for (const RobotId& one : a->robots())
+        for (const RobotId& other : b->robots())
+          if (robots.count(std::minmax(one, other)) != 0) input.refused.insert(std::minmax(a->id, b->id));
+}
+
 void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& options,
                    fusion::FusionOptions fusion_options, WorkerPool& pool) {
   const std::vector<Map> own = copies(maps);
   maps.clear();  // while somebody holds them, updates copy them
   rig::RobotRigs rigs = rig::merge_rigs(own, rig, pool);
   input.maps = std::move(rigs.maps);
+  refuse(refused, input);
   notes = std::move(rigs.notes);
   for (const Map& map : input.maps) keyframes += map.nodes.size();
   adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;

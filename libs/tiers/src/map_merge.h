@@ -13,10 +13,13 @@ struct MapMerge {
   // Maps as they were, and their names at the server.
   using Snapshots = std::vector<std::pair<MapId, std::shared_ptr<const Map>>>;
   static std::vector<Map> copies(const Snapshots& snapshots);
+  // The maps of robots that must not be matched to each other, among those of the input.
+  static void refuse(const std::set<std::pair<RobotId, RobotId>>& robots, fusion::FusionInput& input);
 
   fusion::FusionInput input;  // without maps
   rig::RigOptions rig;
   std::vector<LandmarkId> forgotten;  // by those who made them; ascending
+  std::set<std::pair<RobotId, RobotId>> refused = {};
   Stamp due;
   fusion::Memo memo;  // of what was judged
   // To the next one: judgements that stand, and where the maps lie.

@@ -47,6 +47,7 @@ struct VisualServer::PlaceSearch::State {
   PlaceRequest request;
   std::shared_ptr<const TeamView> view;
   fusion::FusionOptions options;
+  std::set<RobotId> refused;  // whose keyframes say nothing of where the client is
   std::optional<fusion::FoundPlace> found;
   const TeamView::Component* component = nullptr;  // where
 };
@@ -59,6 +60,7 @@ void VisualServer::PlaceSearch::run(WorkerPool& pool) {
     auto found =
         one.places(state_->options.visual.vocabulary, pool).find(state_->request.features, state_->options, pool);
     if (!found || (state_->found && found->probability <= state_->found->probability)) continue;
+    if (state_->refused.count(found->keyframe.session.client.robot) != 0) continue;
     one.make_landmarks(pool);
     state_->found = std::move(found);
     state_->component = &one;
@@ -74,6 +76,10 @@ std::shared_ptr<VisualServer::PlaceSearch> VisualServer::place_search(const Sess
   search->request = std::move(request);
   search->view = state.view;
   search->options = state.fusion_options;
+  for (const auto& [one, other] : state.refused) {
+    if (one == from.client.robot) search->refused.insert(other);
+    if (other == from.client.robot) search->refused.insert(one);
+  }
   return std::shared_ptr<PlaceSearch>(new PlaceSearch(std::move(search)));
 }
 

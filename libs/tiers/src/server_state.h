@@ -103,6 +103,7 @@ struct VisualServer::State {
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;
+  std::set<std::pair<RobotId, RobotId>> refused;
   std::shared_ptr<MapMerge> last;  // that was taken over
   std::shared_ptr<MapMerge> merge;
   std::shared_ptr<BackgroundWork> work;  // of the merge

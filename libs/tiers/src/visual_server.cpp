@@ -112,6 +112,7 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   merge->input = input();
   merge->rig = rig;
   merge->forgotten = forgotten();
+  merge->refused = refused;
   if (last) merge->input.judged = last->kept_judgements;
   if (!std::exchange(vetoed_since, false) && last) merge->input.teams = last->teams;
   merge->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
@@ -209,6 +210,8 @@ std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->w
 void VisualServer::veto(const Hash& judgement) {
   state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since;
 }
+
+void VisualServer::refuse(std::set<std::pair<RobotId, RobotId>> robots) { state_->refused = std::move(robots); }
 
 const std::set<Hash>& VisualServer::vetoed() const { return state_->vetoed; }
 
@@ -325,6 +328,7 @@ fusion::FusionResult VisualServer::seal(WorkerPool& pool, Progress& progress) {
   const std::vector<Map> own = maps();
   rig::RobotRigs rigs = rig::merge_rigs(own, state_->rig, pool);
   input.maps = std::move(rigs.maps);
+  MapMerge::refuse(state_->refused, input);
   fusion::Memo known = state_->last ? state_->last->memo : fusion::Memo();
   fusion::FusionResult result = fusion::fuse(input, state_->fusion_options, known, pool, progress);
   fusion::split_rigs(result, rigs.rigs, own);

@@ -31,7 +31,10 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       merged_(maps, graph_, input.merged, resources.memo),
       judge_(maps, graph_, options, input.vetoed, resources),
       search_(maps, graph_, judge_),
-      proposals_(maps, graph_) {}
+      proposals_(maps, graph_) {
+  for (const MapPair& pair : refused)
+    if (input.refused.count({maps[pair.first].map->id, maps[pair.second].map->id}) != 0) refused_by_user_.insert(pair);
+}
 
 const LaserTeam* LaserMerger::team_of(std::size_t map) const {
   const auto team =
@@ -211,7 +214,7 @@ void LaserMerger::merge_all() {
   teams_.clear();
   merges_.clear();
   evaluations_.clear();
-  merged_.reopen(refused_);
+  merged_.reopen(refused_, refused_by_user_);
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (!maps_[m].submaps.empty() && merged_.team_of(m) == nullptr) teams_.push_back({{m}, {}, graph_.alone(m)});
   for (const MergedTeam& team : merged_.teams()) {

@@ -160,7 +160,7 @@ class LaserMerger {
   const GridAlignments& grids_;
   const FusionInput& input_;
   const FusionOptions& options_;
-  std::set<MapPair> refused_, contradicted_, vetoed_;
+  std::set<MapPair> refused_, refused_by_user_, contradicted_, vetoed_;
   Memo& memo_;
   SubmapGraph graph_;
   PriorEvidence priors_;

@@ -69,7 +69,8 @@ std::optional<MergedTeam> known(const MergedMaps& given, const Numbers& numbers,
 }  // namespace
 
 MergedTeams::MergedTeams(const std::vector<PreparedMap>& maps, const SubmapGraph& graph,
-                         const std::vector<MergedMaps>& given, Memo& memo) {
+                         const std::vector<MergedMaps>& given, Memo& memo)
+    : graph_(graph) {
   if (given.empty()) return;
   const Numbers numbers(maps, graph);
   for (const MergedMaps& merged : given) {
@@ -83,10 +84,18 @@ MergedTeams::MergedTeams(const std::vector<PreparedMap>& maps, const SubmapGraph
   }
 }
 
-void MergedTeams::reopen(const std::set<std::pair<std::size_t, std::size_t>>& refused) {
+void MergedTeams::reopen(const MapPairs& refused, const MapPairs& by_user) {
   for (MergedTeam& team : teams_)
-    for (const auto& [a, b] : refused)
-      team.is_reopened = team.is_reopened || (contains(team.maps, a) && contains(team.maps, b));
+    for (const auto& [a, b] : refused) {
+      if (team.is_reopened || !contains(team.maps, a) || !contains(team.maps, b)) continue;
+      team.is_reopened = by_user.count({a, b}) == 0 || are_matched(team, a, b);
+    }
+}
+
+bool MergedTeams::are_matched(const MergedTeam& team, std::size_t a, std::size_t b) const {
+  return std::any_of(team.matches.begin(), team.matches.end(), [&](const SubmapMatch& match) {
+    return std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b);
+  });
 }
 
 const MergedTeam* MergedTeams::team_of(std::size_t map) const {

@@ -29,13 +29,18 @@ class MergedTeams {
   MergedTeams(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const std::vector<MergedMaps>& given,
               Memo& memo);
 
-  // `refused`: pairs of maps that must not be matched to each other, the lower first.
-  void reopen(const std::set<std::pair<std::size_t, std::size_t>>& refused);
+  // `refused`: pairs of maps that must not be matched to each other, the lower first. `by_user`: those of them that
+  // somebody said before anything was compared; teams without a match of the two have heeded it.
+  using MapPairs = std::set<std::pair<std::size_t, std::size_t>>;
+  void reopen(const MapPairs& refused, const MapPairs& by_user);
   const std::vector<MergedTeam>& teams() const { return teams_; }
   const MergedTeam* team_of(std::size_t map) const;  // null where it is in none, or in one that is merged anew
   bool are_together(std::size_t a, std::size_t b) const { return team_of(a) != nullptr && team_of(a) == team_of(b); }
 
  private:
+  bool are_matched(const MergedTeam& team, std::size_t a, std::size_t b) const;
+
+  const SubmapGraph& graph_;
   std::vector<MergedTeam> teams_;
 };
 

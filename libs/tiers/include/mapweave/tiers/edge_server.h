@@ -12,6 +12,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mapweave::tiers {
@@ -45,6 +46,8 @@ class EdgeServer {
 
   // Where maps lie to each other, for result(). Before the last robot ends.
   void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
+  // Maps that must not be matched to each other, the lower id first. Before the last robot ends.
+  void set_refused(std::set<std::pair<MapId, MapId>> refused) { refused_ = std::move(refused); }
 
   // What one event makes the edge do.
   struct Effects {
@@ -81,6 +84,7 @@ class EdgeServer {
   fusion::FusionOptions options_;
   EdgeMapOptions sent_options_;
   std::vector<fusion::MapPrior> priors_;
+  std::set<std::pair<MapId, MapId>> refused_;
   std::vector<std::string> updates_of(const std::vector<Judgement>&);
   std::set<RobotId> awaited_;
   std::map<MapId, std::uint64_t> sequence_;  // of the last update about each map

@@ -170,6 +170,8 @@ class VisualServer {
   // that were merged last.
   std::optional<RobotInTeam> robot(const RobotId& robot) const;
 
+  // Robots whose maps must not be matched to each other from the next merge on, the lower id first.
+  void refuse(std::set<std::pair<RobotId, RobotId>> robots);
   // A judgement that is not to be believed from the next merge on: what rested on it comes apart.
   void veto(const Hash& judgement);
   const std::set<Hash>& vetoed() const;
