@@ -12,6 +12,7 @@
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/map_names.h>
+#include <mapweave/runtime/map_slabs.h>
 #include <mapweave/runtime/stored_depth.h>
 
 #include <nlohmann/json.hpp>
@@ -37,7 +38,8 @@ struct Arguments {
 struct Exported {
   Map map;
   ExportRequest request;
-  OccupancyGrid grid;         // composed, where it is asked for
+  OccupancyGrid grid;  // composed, where it is asked for
+  std::vector<exporters::MapSlab> slabs = {};
   MapIdentity identity = {};  // of the whole map
 };
 
@@ -79,12 +81,16 @@ std::vector<std::string> write(const std::filesystem::path& folder, const Export
       written.push_back(name);
     }
   if (!exported.request.wants_depth()) return written;
+  const std::string map = "map " + exported.map.id.str();
+  for (const RobotId& robot : without_log(exported.request, exported.map))
+    log(LogLevel::warning, map + ": the OctoMap holds none of the depth that robot " + robot.str() +
+                               "'s cameras saw: its log is not known (--log " + robot.str() + "=PATH)");
   runtime::RunConfiguration depth = configuration;
   depth.output.ply = exported.request.ply;
   depth.output.octomap = exported.request.octomap;
-  for (const std::string& note :
-       runtime::write_stored_depth(folder, exported.map, exported.request.logs, depth, *make_terminal_progress()))
-    log(LogLevel::warning, "map " + exported.map.id.str() + ": " + note);
+  for (const std::string& note : runtime::write_stored_depth(folder, exported.map, exported.request.logs,
+                                                             exported.slabs, depth, *make_terminal_progress()))
+    log(LogLevel::warning, map + ": " + note);
   if (exported.request.ply) written.insert(written.end(), {"map.ply", "map.dense.pcd"});
   if (exported.request.octomap) written.insert(written.end(), {"map.bt", "map.ot"});
   return written;
@@ -112,6 +118,7 @@ std::vector<Exported> prepared(const Arguments& arguments, const std::vector<Map
     const exporters::MapFolderFiles& files = one.request.files;
     if ((files.png || files.pgm) && has_walls(one.map))
       one.grid = fusion::compose_grid(one.map, configuration.compose, pool);
+    if (one.request.octomap) one.slabs = runtime::slabs_of(one.map, one.grid, configuration, pool);
     if (one.grid.empty() && (files.pgm || (files.png && one.map.landmarks.empty())) && one.request.is_explicit)
       throw Error(ErrorCode::kBadInput, "map '" + one.map.id.str() + "' cannot be drawn: its scans saw nothing",
                   files.pgm ? "--pgm" : "--png", "leave the flag out");
@@ -174,7 +181,9 @@ Action set_up_export(CLI::App& verb) {
   verb.add_flag("--g2o", arguments->files.g2o, "map.g2o, the pose graph; of cameras with landmarks and sightings");
   verb.add_flag("--ply", arguments->ply,
                 "map.ply and map.dense.pcd, the surfaces that depth cameras saw; needs the log");
-  verb.add_flag("--octomap", arguments->octomap, "map.bt and map.ot, OctoMaps of the same; needs the log");
+  verb.add_flag("--octomap", arguments->octomap,
+                "map.bt and map.ot, OctoMaps: of lasers and grids a slab, of depth cameras the same as --ply, which "
+                "needs the log");
   verb.add_option("--log", arguments->logs,
                   "where a robot's log is, for --ply and --octomap; without it: as config.yaml beside the map says")
       ->type_name("[ROBOT=]PATH")

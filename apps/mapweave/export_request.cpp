@@ -23,19 +23,27 @@ std::string text_of(const std::vector<RobotId>& robots) {
 }
 
 void expect_logs(const ExportRequest& request, const Map& map) {
+  if (!request.ply && has_walls(map)) return;
   const std::vector<RobotId> robots = runtime::robots_with_depth(map);
   if (robots.empty())
     throw Error(ErrorCode::kBadInput, "no depth camera and no stereo pair left keyframes in map '" + map.id.str() + "'",
                 request.ply ? "--ply" : "--octomap", "map with one: slam LOG --sensor rgbd or stereo");
-  for (const RobotId& robot : robots)
-    if (request.logs.count(robot) == 0)
-      throw Error(ErrorCode::kMissing,
-                  "depth is in the robots' logs, and that of robot '" + robot.str() +
-                      "' is not known: no config.yaml beside the map names one that is still there",
-                  request.ply ? "--ply" : "--octomap", "name it: --log " + robot.str() + "=PATH");
+  for (const RobotId& robot : without_log(request, map))
+    throw Error(ErrorCode::kMissing,
+                "depth is in the robots' logs, and that of robot '" + robot.str() +
+                    "' is not known: no config.yaml beside the map names one that is still there",
+                request.ply ? "--ply" : "--octomap", "name it: --log " + robot.str() + "=PATH");
 }
 
 }  // namespace
+
+std::vector<RobotId> without_log(const ExportRequest& request, const Map& map) {
+  std::vector<RobotId> robots = runtime::robots_with_depth(map);
+  robots.erase(std::remove_if(robots.begin(), robots.end(),
+                              [&](const RobotId& robot) { return request.logs.count(robot) != 0; }),
+               robots.end());
+  return robots;
+}
 
 ExportRequest request_of(const exporters::MapFolderFiles& flags, bool ply, bool octomap,
                          const runtime::OutputOptions& output) {

@@ -25,8 +25,11 @@ ExportRequest request_of(const exporters::MapFolderFiles& flags, bool ply, bool 
                          const runtime::OutputOptions& output);
 
 // The request without what the map cannot give. Throws Error(kBadInput), saying what is needed, where that was asked
-// for by its flag (of depth: always), and where nothing is left.
+// for by its flag (of depth: always), and where nothing is left. An OctoMap of walls goes without the depth of robots
+// whose logs are not known.
 ExportRequest possible(ExportRequest, const Map&);
+// The robots of that depth.
+std::vector<RobotId> without_log(const ExportRequest&, const Map&);
 
 // Whether a laser's scans or a grid tell of walls, so that one can be drawn.
 bool has_walls(const Map&);

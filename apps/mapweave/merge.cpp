@@ -51,8 +51,7 @@ Action set_up_merge(CLI::App& verb) {
   return [arguments] {
     runtime::MergeRequests requests;
     requests.without = arguments->without;
-    for (const std::string& pair : arguments->refused)
-      requests.refused.push_back(runtime::parse_pair(pair, "--refuse"));
+    for (const std::string& pair : arguments->refused) requests.refused.push_back(runtime::parse_pair(pair));
     for (const std::string& anchor : arguments->anchors) requests.anchors.push_back(runtime::parse_anchor(anchor));
     std::vector<std::string> frame;
     if (!arguments->frame.empty()) frame.push_back("team.frame=" + arguments->frame);

@@ -5,6 +5,7 @@
 
 #include <mapweave/core/files.h>
 #include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/merge_requests.h>
 
 #include <memory>
 
@@ -14,6 +15,7 @@ Action set_up_run(CLI::App& verb) {
   struct Arguments {
     std::filesystem::path file;
     std::vector<std::filesystem::path> maps;
+    std::vector<std::string> refused;
     bool keep_going = false;
     WritingFlags flags;
   };
@@ -23,11 +25,20 @@ Action set_up_run(CLI::App& verb) {
       ->type_name("CONFIG.yaml");
   add_start_flag(verb, arguments->maps);
   verb.add_flag("--keep-going", arguments->keep_going, "bad input ends its robot's stream only; the others finish");
+  verb.add_option("--refuse", arguments->refused,
+                  "never match the maps of these two robots to each other; a third one may still join them; repeatable")
+      ->type_name("A,B")
+      ->allow_extra_args(false);
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     expect_configuration(arguments->file);
     LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
     begin_with(arguments->maps, loaded.configuration);
+    std::vector<std::string>& refused = loaded.configuration.team.refuse;
+    for (const std::string& pair : arguments->refused) {
+      loaded.origins.set("team.refuse." + std::to_string(refused.size()), {runtime::kRefuseFlag, {}});
+      refused.push_back(pair);
+    }
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     std::vector<std::filesystem::path> inputs{arguments->file};
     for (const runtime::PlannedRobot& robot : plan.robots) inputs.push_back(robot.log);

@@ -35,6 +35,19 @@ class BadConfiguration(support.Scenario):
     def test_values_out_of_range_and_unknown_engines(self):
         self.refuse("robots:\n  - {id: alpha, log: a.log}\nlaser: {engine: magic}\n", "team.yaml:3", "magic", "graph")
 
+    def test_robots_to_be_refused_that_are_none(self):
+        two = "robots:\n  - {id: alpha, log: a.log}\n  - {id: beta, log: b.log}\n"
+        self.refuse(two + "team: {refuse: [alpha, beta]}\n", "team.yaml:4", "'alpha' is no pair of names", '["alpha,beta"]')
+        self.refuse(two + 'team: {refuse: ["alpha,betta"]}\n', "team.yaml:4", "unknown robot 'betta'", "did you mean 'beta'?")
+        config = self.write("team.yaml", two)
+        for pair, words in (("alpha", "--refuse alpha,beta"), ("alpha,alpha", "are one robot"), ("alpha,gamma", "the configuration has: alpha, beta")):
+            self.assert_says(self.mapweave("run", config, "--refuse", pair, "--out", "out", code=USAGE), "--refuse", words)
+            self.assert_nothing_left("out")
+
+    def test_two_robots_with_contradictory_options(self):
+        self.refuse("robots:\n  - {id: alpha, log: a.log}\n  - {id: beta, log: b.log, visual: {vocabulary: words.gz}}\n",
+                    "team.yaml:3", "robot 'beta' has a vocabulary of its own", "robot 'alpha'", "set visual.vocabulary for all")
+
     def test_text_that_is_no_yaml(self):
         self.refuse("robots: [{id: alpha, log: a.log\n", "team.yaml")
         self.refuse("robots: 7\n", "team.yaml:1", "robots")

@@ -220,6 +220,8 @@ cloud.edges_judge false
 robots.0.laser {graph: {front_end: {submap_length_m: 3}}}
 robots.0.reading {max_object_mb: 0.0001}
 robots.0.pose {jump_m: 0.000001}
+team.refuse ["alpha,beta"]
+output.octomaps_of team; output.octomap=true
 cloud.thin_maps false
 cloud.thinning.cell_m 0.5
 cloud.thinning.new_share 0.5

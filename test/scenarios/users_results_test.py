@@ -121,7 +121,7 @@ class HandingOver(OfAFlat):
              ("slam", "flat/alpha.rawlog", "--sensor", "rgbd", "--out", "seen")]
 
     def test_every_format_of_a_team_of_lasers_is_read_and_all_show_one_map(self):
-        self.mapweave("export", "mapped/team", "--out", "out", "--png", "--pgm", "--pcd", "--tum", "--g2o")
+        self.mapweave("export", "mapped/team", "--out", "out", "--png", "--pgm", "--pcd", "--tum", "--g2o", "--octomap")
         out = self.folder / "out"
         grid = Grid(out / "map.yaml")
         self.assertEqual(strict_readers.read_png(out / "map.png"), (grid.columns, grid.rows))
@@ -141,7 +141,33 @@ class HandingOver(OfAFlat):
             near = places[bisect.bisect_left(places, (row[1] - 1e-5,)):bisect.bisect_right(places, (row[1] + 1e-5, math.inf))]
             self.assertTrue(any(abs(y - row[2]) < 1e-5 for _, y in near), f"no vertex at {row[1:3]}")
         self.assertEqual({path.name for path in out.iterdir()} - {"config.yaml", "manifest.json"},
-                         {"map.png", "map.color.png", "map.yaml", "map.pgm", "map.pcd", "trajectories", "map.g2o"})
+                         {"map.png", "map.color.png", "map.yaml", "map.pgm", "map.pcd", "trajectories", "map.g2o", "map.bt", "map.ot"})
+        cells = sum(cell != 205 for cell in grid.cells)
+        for name in ("map.bt", "map.ot"):
+            size_m, nodes = strict_readers.read_octomap(out / name)
+            self.assertEqual(size_m, 0.05)
+            self.assertGreater(nodes, cells, "a leaf for each cell that is known")
+
+    def test_octomaps_of_lasers_are_written_of_whom_one_asks_and_made_later_without_the_logs(self):
+        def trees(results):
+            return sorted(str(path.parent.relative_to(self.folder / results)) for path in (self.folder / results).rglob("map.bt"))
+
+        self.mapweave("run", "flat/run.yaml", "--set", "output.octomap=true", "--out", "all")
+        self.assertEqual(trees("all"), ["edges/edge0", "robots/alpha", "robots/beta", "team"])
+        self.mapweave("run", "flat/run.yaml", "--set", "output.octomap=true", "--set", "output.octomaps_of=edges", "--out", "some")
+        self.assertEqual(trees("some"), ["edges/edge0", "team"])
+        self.mapweave("merge", "mapped", "--set", "output.octomap=true", "--set", "output.octomaps_of=team", "--out", "merged")
+        self.assertEqual(trees("merged"), ["team"])
+        self.mapweave("slam", "flat/alpha.rawlog", "--set", "output.octomap=true", "--out", "one")
+        self.assertEqual(trees("one"), ["."])
+        self.assertNotIn("depth", str(self.read_json("one/summary.json")["notes"]), "a laser needs none")
+        self.assertEqual(trees("mapped"), [])
+        for given, same in (("mapped/team", "all/team"), ("mapped/robots/alpha", "all/robots/alpha"), ("mapped/edges/edge0", "all/edges/edge0"),
+                            ("mapped/team/map.yaml", None)):
+            self.mapweave("export", given, "--octomap", "--out", "later", "--force")
+            strict_readers.read_octomap(self.folder / "later/map.bt")
+            if same:
+                self.assertEqual((self.folder / "later/map.bt").read_bytes(), (self.folder / same / "map.bt").read_bytes(), given)
 
     def test_every_format_of_a_camera_is_read(self):
         self.mapweave("export", "seen", "--out", "out", "--png", "--pcd", "--tum", "--g2o", "--ply", "--octomap")

@@ -10,7 +10,7 @@ namespace {
 using google::protobuf::MessageLite;
 
 constexpr std::uint32_t kVersion = 7;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense
-                                        // points, 4 no sweeps, 5 none forgotten, 6 no floats
+                                       // points, 4 no sweeps, 5 none forgotten, 6 no floats
 constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node

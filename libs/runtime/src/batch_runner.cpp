@@ -5,6 +5,7 @@
 #include "robot_results.h"
 #include "shared_cameras.h"
 #include "start_maps.h"
+#include "team_options.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
@@ -104,7 +105,6 @@ class TeamRun {
     report_.notes = starts_.notes;
     inputs_ = starts_.files;
     cloud_.begin_with(starts_.maps);
-    cloud_.set_refused(starts_.refused);
     frame_request();  // says now what is wrong with it
   }
 
@@ -133,8 +133,9 @@ class TeamRun {
   }
   void take(std::vector<std::optional<RobotResult>> robots);
   void take(RoundsReport rounds);
-  void take_starts();
+  void take_requests();
   FrameRequest frame_request() const;
+  std::set<std::pair<MapId, MapId>> refused_maps() const;
   FrameChoice frame_choice() const;
   std::vector<const Map*> own_maps() const;
   void send_to_cloud(const std::vector<std::string>& updates, const std::string& from);
@@ -157,6 +158,7 @@ class TeamRun {
   std::vector<CamerasOutcome> cameras_;  // of the outcomes
   std::vector<rig::FusedTrajectory> poses_;
   std::vector<fusion::MapPrior> priors_;
+  std::set<std::pair<MapId, MapId>> refused_;
   std::vector<MeteredEdge> edges_;
   MeteredCloud cloud_;
   fusion::FusionResult team_;
@@ -180,12 +182,13 @@ bool TeamRun::map() {
   });
   if (const auto note = note_on_sharing(configuration_, plan_, any_forgot || !starts_.maps.empty()))
     report_.notes.push_back(*note);
+  if (const auto note = note_on_senses(plan_)) report_.notes.push_back(*note);
   const bool is_whole = std::all_of(robots.begin(), robots.end(), [](const auto& robot) { return robot.has_value(); });
   take(std::move(robots));
   if (!is_whole) acknowledge_interruption(report_, is_any_mapped());
   for (const tiers::RobotOutcome& outcome : outcomes_)
     if (!is_any_mapped() && outcome.trouble && !settings_.keep_going) throw *outcome.trouble;  // every helper died
-  take_starts();
+  take_requests();
   return is_whole;
 }
 
@@ -213,7 +216,8 @@ void TeamRun::take(RoundsReport rounds) {
         "are merged as they grow where they share a map server (server.share)");
 }
 
-void TeamRun::take_starts() {
+// Where robots began, and whose maps must not be matched.
+void TeamRun::take_requests() {
   std::vector<StartedMap> started;
   for (const PlannedRobot& robot : plan_.robots) {
     if (robot.part && robot.part->number > 1) continue;
@@ -226,7 +230,27 @@ void TeamRun::take_starts() {
   priors_.insert(priors_.end(), of_parts.begin(), of_parts.end());
   priors_.insert(priors_.end(), starts_.priors.begin(), starts_.priors.end());
   cloud_.set_priors(priors_);
+  refused_ = refused_maps();
+  cloud_.set_refused(refused_);
   if (const auto alone = start_alone(started)) report_.notes.push_back(*alone);
+}
+
+// All maps of the one robot with all of the other.
+std::set<std::pair<MapId, MapId>> TeamRun::refused_maps() const {
+  const auto maps_of = [&](const RobotId& robot) {
+    std::vector<MapId> maps;
+    for (const tiers::RobotOutcome& outcome : outcomes_) {
+      if (outcome.robot != robot) continue;
+      if (outcome.map) maps.push_back(outcome.map->id);
+      for (const Map& map : outcome.apart) maps.push_back(map.id);
+    }
+    return maps;
+  };
+  std::set<std::pair<MapId, MapId>> refused = starts_.refused;
+  for (const auto& [one, other] : given_.refused)
+    for (const MapId& a : maps_of(one))
+      for (const MapId& b : maps_of(other)) refused.insert(std::minmax(a, b));
+  return refused;
 }
 
 FrameRequest TeamRun::frame_request() const {
@@ -274,6 +298,7 @@ void TeamRun::fuse_on_edges() {
       if (members.empty()) continue;  // the coordinator gave it none
       tiers::EdgeServer server(id, members, configuration_.fusion, configuration_.cloud.maps);
       server.set_priors(priors_);
+      server.set_refused(refused_);
       MeteredEdge edge(std::move(server), edge_entry(configuration_, id).speed);
       for (std::size_t i = 0; i < outcomes_.size(); ++i) {
         if (std::find(members.begin(), members.end(), outcomes_[i].robot) == members.end()) continue;
@@ -358,13 +383,13 @@ void TeamRun::write() {
   for (std::size_t i = 0; i < outcomes_.size(); ++i) {
     const std::string name = outcomes_[i].robot.str();
     if (!outcomes_[i].map) continue;
-    add_robot(results_, "robots/" + name, "robot " + name, *outcomes_[i].map, cameras_[i]);
+    add_robot(results_, "robots/" + name, "robot " + name, MapOf::robot, *outcomes_[i].map, cameras_[i]);
     results_.add_pose("robots/" + name, poses_[i]);
   }
   results_.set_own_maps(own_maps());
   results_.set_cut_short(starts_.cut_short);
   KeptRequests requests = kept_requests(priors_, configuration_.fusion);
-  requests.refused = starts_.refused;
+  requests.refused = refused_;
   results_.set_requests(std::move(requests));
   write_edges();
   write_team();
@@ -378,8 +403,9 @@ void TeamRun::write_edges() {
     fusion::FusionResult fused = edge.result();
     const std::vector<TeamFrame> frames = choose_frames(frame_choice(), own_maps(), fused);
     report_.edges.push_back(Results::report_of(edge.id(), fused, frames));
-    results_.add_components({edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, frames}, fused,
-                            cameras_, report_);
+    results_.add_components(
+        {edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, frames, MapOf::edge}, fused, cameras_,
+        report_);
   }
 }
 
@@ -393,9 +419,13 @@ void TeamRun::write_team() {
     const fusion::Component* component = component_of(team_, pushed.robot);
     pushed_map.components = {*component};
     const TeamFrame& frame = frames_[static_cast<std::size_t>(component - team_.components.data())];
-    results_.add_components(
-        {TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " received it", {frame}}, pushed_map,
-        cameras_, report_);
+    results_.add_components({TierId(name),
+                             "robots/" + name + "/team",
+                             "",
+                             "team, as robot " + name + " received it",
+                             {frame},
+                             MapOf::pushed},
+                            pushed_map, cameras_, report_);
     results_.add_file(pushed.next_run, next_run_text(pushed.robot));
   }
 }

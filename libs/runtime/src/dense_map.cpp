@@ -125,6 +125,16 @@ void note_coarser(const std::string& file, double asked_m, double made_m, double
   notes.push_back(note.str());
 }
 
+void write_octomap(const std::filesystem::path& folder, exporters::OctoMapWriter& octomap,
+                   const exporters::OctoMapOptions& options, std::vector<std::string>& notes) {
+  note_coarser("map.bt", options.resolution_m, octomap.resolution_m(), options.memory_mb, notes);
+  if (octomap.left_out() > 0)
+    notes.push_back("map.bt: " + std::to_string(octomap.left_out()) + " points lie outside of what OctoMap can hold");
+  const exporters::OctoMapFiles files = octomap.finish();
+  write_file(folder / "map.bt", files.bt);
+  write_file(folder / "map.ot", files.ot);
+}
+
 }  // namespace
 
 std::vector<DepthTrajectory> depth_trajectories(const CameraMap& part, const CamerasOutcome& cameras) {
@@ -145,14 +155,16 @@ std::vector<DepthTrajectory> depth_trajectories(const Map& map, const Table<MapI
   return result;
 }
 
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder,
-                                         const std::vector<DepthTrajectory>& trajectories,
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const DenseContent& content,
                                          const RunConfiguration& configuration, Progress& progress) {
-  const OutputOptions& output = configuration.output;
-  MAPWEAVE_EXPECT(!trajectories.empty(), "somebody saw depth");
+  const DenseOptions& options = configuration.output.dense;
+  const std::vector<DepthTrajectory>& trajectories = content.trajectories;
+  MAPWEAVE_EXPECT(content.is_any(), "somebody saw something");
   std::vector<std::string> notes;
-  exporters::DepthCloud cloud(output.dense.cloud);
-  exporters::OctoMapWriter octomap(output.dense.octomap);
+  exporters::DepthCloud cloud(options.cloud);
+  exporters::OctoMapWriter octomap(options.octomap);
+  if (content.octomap)
+    for (const exporters::MapSlab& slab : content.slabs) octomap.add(slab);
   std::size_t pictures = 0;
   for (auto first = trajectories.begin(), last = first; first != trajectories.end(); first = last) {
     std::deque<Revisit> cameras;
@@ -161,8 +173,8 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder,
     try {
       const rawlog::ReadOptions& reading = configuration_of(configuration, first->robot).reading;
       revisit(first->robot, cameras, reading, progress, [&](const Revisit::Seen& seen) {
-        if (output.ply) cloud.add(seen.points_in_map);
-        if (output.octomap) octomap.add(seen.camera_in_map, seen.points_in_map);
+        if (content.ply) cloud.add(seen.points_in_map);
+        if (content.octomap) octomap.add(seen.camera_in_map, seen.points_in_map);
         pictures += seen.points_in_map.empty() ? 0 : 1;
       });
     } catch (const Error& error) {
@@ -170,26 +182,17 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder,
                       " what came before this: " + error.what());
     }
   }
-  if (pictures == 0) {
+  if (pictures == 0 && !trajectories.empty())
     notes.push_back(
         "there is no cloud of depth: no picture showed any that is exact enough (output.dense.most_error_m)");
-    return notes;
-  }
-  if (output.ply) {
+  if (content.ply && pictures > 0) {
     const auto points = cloud.points();
     write_file(folder / "map.ply", exporters::ply_bytes(points));
     write_file(folder / "map.dense.pcd", exporters::pcd_bytes(points));
-    note_coarser("map.ply", output.dense.cloud.voxel_m, cloud.voxel_m(), output.dense.cloud.memory_mb, notes);
+    note_coarser("map.ply", options.cloud.voxel_m, cloud.voxel_m(), options.cloud.memory_mb, notes);
   }
-  if (output.octomap) {
-    note_coarser("map.bt", output.dense.octomap.resolution_m, octomap.resolution_m(), output.dense.octomap.memory_mb,
-                 notes);
-    if (octomap.left_out() > 0)
-      notes.push_back("map.bt: " + std::to_string(octomap.left_out()) + " points lie outside of what OctoMap can hold");
-    const exporters::OctoMapFiles files = octomap.finish();
-    write_file(folder / "map.bt", files.bt);
-    write_file(folder / "map.ot", files.ot);
-  }
+  if (content.octomap && (pictures > 0 || !content.slabs.empty()))
+    write_octomap(folder, octomap, options.octomap, notes);
   return notes;
 }
 

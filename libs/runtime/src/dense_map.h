@@ -21,10 +21,20 @@ struct DepthTrajectory {
 std::vector<DepthTrajectory> depth_trajectories(const CameraMap&, const CamerasOutcome&);
 std::vector<DepthTrajectory> depth_trajectories(const Map&, const Table<MapId, double>& scales, const CamerasOutcome&);
 
-// map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are
-// trajectories. What was not as expected is answered for people. Memory: that of the options, and one picture. Throws
-// Interrupted.
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthTrajectory>&,
+// What dense files are made of, and which.
+struct DenseContent {
+  std::vector<DepthTrajectory> trajectories;
+  std::vector<exporters::MapSlab> slabs;  // of OctoMaps alone
+  bool ply = false, octomap = false;
+  bool is_any() const {
+    return (ply && !trajectories.empty()) || (octomap && !(trajectories.empty() && slabs.empty()));
+  }
+};
+
+// map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there is
+// something to write. What was not as expected is answered for people. Memory: that of the options, and one picture.
+// Throws Interrupted.
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const DenseContent&,
                                          const RunConfiguration&, Progress&);
 
 }  // namespace mapweave::runtime

@@ -2,6 +2,7 @@
 
 #include "log_parts.h"
 #include "shared_cameras.h"
+#include "team_options.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/sensor_choice.h>
@@ -33,6 +34,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
       LasersInStep in_step(configuration, plan, keep_going, around.coordinated != nullptr, progress);
       lasers = map_in_step(in_step, around.coordinated, around.rounds, pool);
     }
+    expect_agreement(configuration, plan);
     if (configuration.server.share != tiers::Sharing::none)
       shared = map_shared_cameras(configuration, plan, around.starts != nullptr ? around.starts->maps : no_maps,
                                   keep_going, pool, progress);

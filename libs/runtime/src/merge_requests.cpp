@@ -89,12 +89,13 @@ Anchor parse_anchor(std::string_view text) {
   return anchor;
 }
 
-std::pair<std::string, std::string> parse_pair(std::string_view text, const std::string& option) {
+std::pair<std::string, std::string> parse_pair(std::string_view text, const RequestPlace& place) {
   const std::size_t comma = text.find(',');
   if (comma == std::string_view::npos || comma == 0 || comma + 1 == text.size() ||
       text.find(',', comma + 1) != std::string_view::npos)
-    throw Error(ErrorCode::kUsage, "'" + std::string(text) + "' is no pair of names", option,
-                "write A,B as in " + option + " alpha,beta");
+    throw Error(place.code, "'" + std::string(text) + "' is no pair of names", place.where,
+                place.code == ErrorCode::kUsage ? "write A,B as in --refuse alpha,beta"
+                                                : "write each pair in quotes, as in refuse: [\"alpha,beta\"]");
   return {std::string(text.substr(0, comma)), std::string(text.substr(comma + 1))};
 }
 
@@ -108,12 +109,12 @@ std::vector<Map> without(std::vector<Map> maps, const std::vector<std::string>& 
   return maps;
 }
 
-void apply(const MergeRequests& requests, fusion::FusionInput& input) {
+void apply(const MergeRequests& requests, fusion::FusionInput& input, const std::string& refused_at) {
   for (const auto& [one, other] : requests.refused)
-    for (const MapId& a : maps_called(one, input.maps, "--refuse"))
-      for (const MapId& b : maps_called(other, input.maps, "--refuse")) {
+    for (const MapId& a : maps_called(one, input.maps, refused_at))
+      for (const MapId& b : maps_called(other, input.maps, refused_at)) {
         if (a == b)
-          throw Error(ErrorCode::kUsage, "'" + one + "' and '" + other + "' are one map", "--refuse", "name two maps");
+          throw Error(ErrorCode::kUsage, "'" + one + "' and '" + other + "' are one map", refused_at, "name two maps");
         input.refused.insert(std::minmax(a, b));
       }
   for (const Anchor& anchor : requests.anchors) {

@@ -177,6 +177,14 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
   return inputs;
 }
 
+MergeRequests refused_by(const TeamMapOptions& team, const Origins& origins) {
+  MergeRequests requests;
+  for (std::size_t i = 0; i < team.refuse.size(); ++i)
+    requests.refused.push_back(
+        parse_pair(team.refuse[i], {ErrorCode::kBadInput, origins.place_of("team.refuse." + std::to_string(i))}));
+  return requests;
+}
+
 // By the names of what was given, of its maps, and of their robots.
 FrameRequest frame_request(const std::string& text, const Inputs& inputs) {
   std::vector<std::string> names;
@@ -208,6 +216,7 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   input.by = cloud_tier();
   input.maps = inputs.maps;
   apply(settings.requests, input);
+  apply(refused_by(configuration.team, settings.origins), input, "team.refuse");
   for (const KeptRequests& kept : inputs.kept) {
     apply(kept, input, report.notes);
     note_vocabulary(kept, configuration.fusion, report.notes);
@@ -237,7 +246,8 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   }
 
   results.set_cut_short(inputs.cut_short);
-  for (const Map& map : inputs.maps) results.add_map("robots/" + map.id.str(), "map " + map.id.str(), map);
+  for (const Map& map : inputs.maps)
+    results.add_map("robots/" + map.id.str(), "map " + map.id.str(), MapOf::robot, map);
   std::vector<const Map*> own_maps;
   for (const Map& map : inputs.maps) own_maps.push_back(&map);
   const std::vector<TeamFrame> frames = choose_frames(frame, own_maps, team);

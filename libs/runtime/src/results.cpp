@@ -12,6 +12,7 @@
 #include <mapweave/exporters/trajectory_files.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/json_text.h>
+#include <mapweave/runtime/map_slabs.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/results_page.h>
 
@@ -73,26 +74,33 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
   return {};
 }
 
-void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
-                   const MapIdentity& identity, const std::vector<exporters::PictureMark>& conflicts) {
+OccupancyGrid Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories,
+                            const Map& map, const MapIdentity& identity,
+                            const std::vector<exporters::PictureMark>& conflicts) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.identity = identity;
   options.files.robot_trajectories = robot_trajectories;
   const std::size_t notes = notes_.size();
   const bool is_drawn = configuration_.output.png || configuration_.output.pgm;
-  const OccupancyGrid grid = is_drawn ? grid_of(title, map) : OccupancyGrid();
+  OccupancyGrid grid = is_drawn ? grid_of(title, map) : OccupancyGrid();
   if (is_drawn && grid.log_odds.empty() && map.landmarks.empty() && !interrupted_ && notes_.size() == notes)
     notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
-  if (conflicts.empty() || !configuration_.output.png || grid.empty()) return;
+  if (conflicts.empty() || !configuration_.output.png || grid.empty()) return grid;
   options.picture.title = title + ": walls of a map that was taken apart, seen through by another";
   write_file(folder_.staging() / folder / "conflicts.png",
              exporters::map_picture_png(grid, {}, options.picture, conflicts));
+  return grid;
 }
 
-void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
+void Results::add_map(const std::string& folder, const std::string& title, MapOf of, const Map& map,
+                      const CamerasOutcome& cameras) {
   const Stopwatch watch;
-  draw(folder, title, false, map, store(folder, map));
+  const OccupancyGrid grid = draw(folder, title, false, map, store(folder, map));
+  DenseContent content = dense_content(of);
+  if (content.octomap) content.slabs = slabs(title, map, grid);
+  if (content.ply || content.octomap) content.trajectories = depth_trajectories(map, {}, cameras);
+  draw_dense(folder, title, content);
   output_seconds_ += watch.seconds();
 }
 
@@ -146,12 +154,39 @@ void Results::add_pose(const std::string& folder, const rig::FusedTrajectory& po
   if (configuration_.output.tum) write_robot_pose(folder_.staging() / folder, pose);
 }
 
-void Results::draw_dense(const std::filesystem::path& folder, const std::string& title,
-                         const std::vector<DepthTrajectory>& trajectories) {
-  if (interrupted_ || trajectories.empty() || !(configuration_.output.ply || configuration_.output.octomap)) return;
-  saw_depth_ = true;
+// Without content: which files are written of such a map.
+DenseContent Results::dense_content(MapOf of) const {
+  const OutputOptions& output = configuration_.output;
+  const bool is_last = of == MapOf::single || of == MapOf::team;
+  const bool is_wanted = is_last || (of == MapOf::edge && output.octomaps_of != OctoMapsOf::team) ||
+                         (of == MapOf::robot && output.octomaps_of == OctoMapsOf::all);
+  DenseContent content;
+  content.ply = output.ply && is_last;
+  content.octomap = output.octomap && is_wanted;
+  return content;
+}
+
+std::vector<exporters::MapSlab> Results::slabs(const std::string& title, const Map& map,
+                                               const OccupancyGrid& composed) {
+  if (interrupted_) return {};
   try {
-    for (const std::string& note : write_dense_map(folder_.staging() / folder, trajectories, configuration_, progress_))
+    return slabs_of(map, composed, configuration_, pool_);
+  } catch (const Interrupted&) {
+    interrupted_ = true;
+    clear_interrupt();  // as for grids
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kBadInput) throw;
+    notes_.push_back(title + " has no OctoMap: " + error.what());
+  }
+  return {};
+}
+
+void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, const DenseContent& content) {
+  if (interrupted_ || !content.is_any()) return;
+  saw_depth_ = saw_depth_ || !content.trajectories.empty();
+  saw_slabs_ = saw_slabs_ || !content.slabs.empty();
+  try {
+    for (const std::string& note : write_dense_map(folder_.staging() / folder, content, configuration_, progress_))
       notes_.push_back(title + ": " + note);
   } catch (const Interrupted&) {
     interrupted_ = true;
@@ -159,23 +194,16 @@ void Results::draw_dense(const std::filesystem::path& folder, const std::string&
   }
 }
 
-void Results::add_dense(const std::string& folder, const std::string& title, const Map& map,
-                        const CamerasOutcome& cameras) {
-  const Stopwatch watch;
-  draw_dense(folder, title, depth_trajectories(map, {}, cameras));
-  output_seconds_ += watch.seconds();
-}
-
 void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories,
                         const fusion::Component& component, const std::vector<CamerasOutcome>& cameras) {
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
-  const auto trajectories = team_trajectories(component, cameras, configuration_.rig.trajectory);
+  const auto trajectories = team_trajectories(component, cameras, configuration_);
   if (configuration_.output.tum) write_team_trajectories(top, trajectories, cameras, robot_trajectories);
   draw_landmarks(folder, title, component.map, trajectories);
 }
 
-void Results::add_cameras(const std::string& folder, const std::string& title, bool dense,
+void Results::add_cameras(const std::string& folder, const std::string& title, std::optional<MapOf> of,
                           const CamerasOutcome& cameras) {
   const Stopwatch watch;
   for (std::size_t i = 0; i < cameras.maps.size(); ++i) {
@@ -183,7 +211,10 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
     const std::filesystem::path place =
         i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart);
     add_camera_map(place, name, cameras.maps[i], cameras.robot);
-    if (dense) draw_dense(place, name, depth_trajectories(cameras.maps[i], cameras));
+    if (!of) continue;
+    DenseContent content = dense_content(*of);
+    if (content.ply || content.octomap) content.trajectories = depth_trajectories(cameras.maps[i], cameras);
+    draw_dense(place, name, content);
   }
   for (const std::string& note : cameras.notes) notes_.push_back(title + ": " + note);
   if (cameras.maps.size() > 1 && cameras.notes.empty())
@@ -240,15 +271,18 @@ void Results::add_components(const FusedPlace& place, const fusion::FusionResult
     mapdb::StoredMaps whole = stored(fused.components[i], fused, own_maps_, requests_);
     keep(place.frames[i], whole.metadata);
     const MapIdentity identity = store(folder, std::move(whole), place.frames[i].continued);
+    OccupancyGrid grid;
     if (map.submaps.empty() && has_keyframes(map))
       draw_seen(folder, name, place.robot_trajectories, fused.components[i], cameras);
     else
-      draw(folder, name, place.robot_trajectories, map, identity, conflicts);
-    std::vector<DepthTrajectory> depth;
+      grid = draw(folder, name, place.robot_trajectories, map, identity, conflicts);
+    DenseContent content = dense_content(place.of);
+    if (!content.ply && !content.octomap) continue;
+    if (content.octomap) content.slabs = slabs(name, map, grid);
     for (const CamerasOutcome& outcome : cameras)
       for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
-        depth.push_back(std::move(trajectory));
-    if (place.with_depth) draw_dense(folder, name, depth);
+        content.trajectories.push_back(std::move(trajectory));
+    draw_dense(folder, name, content);
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;
@@ -297,7 +331,8 @@ void Results::put_trajectory_first(const RobotId& robot) {
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,
                      Report& report) {
   report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
-  if ((configuration_.output.ply || configuration_.output.octomap) && !saw_depth_ && !interrupted_)
+  const bool lacks_octomap = configuration_.output.octomap && !saw_slabs_;
+  if ((configuration_.output.ply || lacks_octomap) && !saw_depth_ && !interrupted_)
     report.notes.push_back(
         "there is no cloud of depth: nothing was mapped with a depth camera or a stereo pair whose log is here");
   report.interrupted = report.interrupted || interrupted_;

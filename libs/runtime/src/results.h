@@ -17,9 +17,13 @@
 #include <mapweave/runtime/team_frame.h>
 
 #include <map>
+#include <optional>
 #include <string>
 
 namespace mapweave::runtime {
+
+// Whose a map is: which dense files are written of it depends on that.
+enum class MapOf { single, robot, edge, team, pushed };
 
 // Where what a tier fused is written: the largest component into `folder`, others into `further` + "1", "2", ...
 // Numbered: where there are several, all of them go into `further` + "1", "2", ..., and none into `folder`.
@@ -27,11 +31,11 @@ struct FusedPlace {
   TierId tier;
   std::string folder, further, title;
   std::vector<TeamFrame> frames;  // of each component
+  MapOf of = MapOf::team;
   bool robot_trajectories = false, is_numbered = false;
-  bool with_depth = false;  // what depth cameras and stereo pairs saw between their landmarks is drawn too
 };
 inline FusedPlace team_place(std::vector<TeamFrame> frames) {
-  return {cloud_tier(), "team", "team-", "team", std::move(frames), true, true, true};
+  return {cloud_tier(), "team", "team-", "team", std::move(frames), MapOf::team, true, true};
 }
 
 // In the metadata of a store: where an interruption ended the log of its map; of a team, that of a member.
@@ -45,17 +49,19 @@ class Results {
   Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool,
           Progress& progress);
 
-  // A robot's own map, into `folder` ("robots/alpha"; "" for the top): map.mwdb, pictures, trajectory. A map that
-  // cannot be drawn has no pictures, and a note says why; after an interruption no more are drawn.
-  void add_map(const std::string& folder, const std::string& title, const Map& map);
+  // A robot's own map, into `folder` ("robots/alpha"; "" for the top): map.mwdb, pictures, trajectory, and what is
+  // asked for of dense files. A map that cannot be drawn has no pictures, and a note says why; after an interruption no
+  // more are drawn. `cameras`: whose keyframes it holds beside the laser's scans; what they saw of depth takes a second
+  // pass over the log.
+  void add_map(const std::string& folder, const std::string& title, MapOf of, const Map& map,
+               const CamerasOutcome& cameras = {});
   // The same of a robot that maps with cameras: landmarks from above, their cloud, frames' and keyframes' trajectories,
   // a contact sheet; of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2,
-  // ... `dense`: also what is asked for of depth, which takes a second pass over the log.
-  void add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras);
+  // ... `of`: whose maps they are; nothing where what their depth shows belongs to another map.
+  void add_cameras(const std::string& folder, const std::string& title, std::optional<MapOf> of,
+                   const CamerasOutcome& cameras);
   // A robot's pose as it came, beside its map (output.tum).
   void add_pose(const std::string& folder, const rig::FusedTrajectory& pose);
-  // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
-  void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
   // What was fused; its stages, and composing as the fifth, into the report. `cameras`: what the fused maps of
   // keyframes came from, for the frames between them.
   void add_components(const FusedPlace& place, const fusion::FusionResult& fused,
@@ -86,8 +92,9 @@ class Results {
   OccupancyGrid grid_of(const std::string& title, const Map& map);
   void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map,
                       const PlannedRobot& robot);
-  void draw_dense(const std::filesystem::path& folder, const std::string& title,
-                  const std::vector<DepthTrajectory>& trajectories);
+  DenseContent dense_content(MapOf of) const;
+  void draw_dense(const std::filesystem::path& folder, const std::string& title, const DenseContent& content);
+  std::vector<exporters::MapSlab> slabs(const std::string& title, const Map& map, const OccupancyGrid& composed);
   // Returns by what identity it stands there: a new one, or the next version of what it continues.
   MapIdentity store(const std::string& folder, mapdb::StoredMaps stored, const MapIdentity& continued);
   MapIdentity store(const std::string& folder, const Map& map);
@@ -96,16 +103,16 @@ class Results {
   void write_page();
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories,
                  const fusion::Component& component, const std::vector<CamerasOutcome>& cameras);
-  // `conflicts`: drawn in a picture of their own, where there are any.
-  void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
-            const MapIdentity& identity, const std::vector<exporters::PictureMark>& conflicts = {});
+  // `conflicts`: drawn in a picture of their own, where there are any. Returns the grid that was drawn.
+  OccupancyGrid draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
+                     const MapIdentity& identity, const std::vector<exporters::PictureMark>& conflicts = {});
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
   Progress& progress_;
   Stopwatch watch_;
   OutputFolder folder_;
   double composing_seconds_ = 0.0, output_seconds_ = 0.0;
-  bool interrupted_ = false, saw_depth_ = false;
+  bool interrupted_ = false, saw_depth_ = false, saw_slabs_ = false;
   std::vector<std::string> notes_;
   std::vector<const Map*> own_maps_;
   KeptRequests requests_;

@@ -4,14 +4,15 @@
 
 namespace mapweave::runtime {
 
-void add_robot(Results& results, const std::string& folder, const std::string& title, const Map& map,
-               const CamerasOutcome& cameras, bool dense) {
+void add_robot(Results& results, const std::string& folder, const std::string& title, MapOf of, const Map& map,
+               const CamerasOutcome& cameras) {
   const bool by_laser = cameras.maps.empty() || !map.submaps.empty();
-  if (by_laser) results.add_map(folder, title, map);
+  if (by_laser) results.add_map(folder, title, of, map, cameras);
   if (cameras.maps.empty()) return;
-  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title,
-                      dense && !by_laser, cameras);
-  if (dense && by_laser) results.add_dense(folder, title, map, cameras);
+  if (by_laser)
+    results.add_cameras((std::filesystem::path(folder) / "cameras").string(), title, std::nullopt, cameras);
+  else
+    results.add_cameras(folder, title, of, cameras);
 }
 
 void acknowledge_interruption(Report& report, bool anything_finished) {

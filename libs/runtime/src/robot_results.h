@@ -5,10 +5,8 @@
 
 namespace mapweave::runtime {
 
-// Its own map, by its laser or its cameras; of both, the cameras' in `folder`/cameras. `dense`: with what is asked for
-// of depth.
-void add_robot(Results&, const std::string& folder, const std::string& title, const Map&, const CamerasOutcome&,
-               bool dense = false);
+// Its own map, by its laser or its cameras; of both, the cameras' in `folder`/cameras.
+void add_robot(Results&, const std::string& folder, const std::string& title, MapOf, const Map&, const CamerasOutcome&);
 
 // What was finished is to be saved in peace: a further signal ends that too. Throws Interrupted where nothing was.
 void acknowledge_interruption(Report&, bool anything_finished);

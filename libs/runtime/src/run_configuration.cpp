@@ -1,5 +1,7 @@
 #include <mapweave/runtime/run_configuration.h>
 
+#include "refused_robots.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/runtime/team_frame.h>
@@ -238,9 +240,16 @@ std::shared_ptr<const RunConfiguration> own_configuration(const RunConfiguration
                                                           const RobotEntry& robot) {
   if (robot.own.empty()) return nullptr;
   for (const OptionSetting& setting : robot.own)
-    if (setting.key == "visual.vocabulary")
-      throw Error(ErrorCode::kBadInput, "robot '" + name_of(robot) + "' has a vocabulary of its own", setting.place,
-                  "cameras of a team share their words: set visual.vocabulary for all");
+    if (setting.key == "visual.vocabulary") {
+      const auto other = std::find_if(configuration.robots.begin(), configuration.robots.end(),
+                                      [&](const RobotEntry& one) { return name_of(one) != name_of(robot); });
+      throw Error(
+          ErrorCode::kBadInput,
+          "robot '" + name_of(robot) + "' has a vocabulary of its own" +
+              (other == configuration.robots.end() ? ""
+                                                   : ", by which robot '" + name_of(*other) + "' does not know places"),
+          setting.place, "cameras of a team share their words: set visual.vocabulary for all");
+    }
   auto own = std::make_shared<RunConfiguration>(configuration);
   override_options(*own, robot.own);
   return own;
@@ -344,6 +353,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
   plan.network = network_of(configuration.network, plan, origins);
   expect_tiers(configuration, plan, origins);
   plan.maps = start_maps_of(configuration, origins);
+  plan.refused = refused_robots(configuration.team.refuse, plan.robots, origins);
   expect_frame(configuration, plan, origins);
   if (is_coordinated && !configuration.coordinator.model.empty()) {
     const std::string where = "coordinator.model";

@@ -1,6 +1,7 @@
 #include "shared_cameras.h"
 
 #include "file_shelf.h"
+#include "team_options.h"
 
 #include <mapweave/core/log.h>
 #include <mapweave/tiers/camera_agent.h>
@@ -97,8 +98,10 @@ struct Member {
 
 // An edge with cameras.
 struct Edge {
-  Edge(const TierId& name, const RunConfiguration& configuration, const std::vector<Map>& starts)
-      : id(name), server(name, configuration.server, configuration.fusion, configuration.rig) {
+  Edge(const TierId& name, const RunConfiguration& configuration, const RunPlan& plan, const std::vector<Map>& starts)
+      : id(name),
+        server(name, configuration.server, configuration.fusion, shared_rig_options(configuration, plan, name)) {
+    server.refuse(plan.refused);
     server.begin_with(starts);
     server.use_shelf(std::make_shared<FileShelf>(folder_of_temporary_files()));
   }
@@ -175,7 +178,7 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
   std::deque<Edge> edges;  // that send each other what they receive
   for (const TierId& id : plan.edges) {
     if (!configuration.server.across_edges) edges.clear();
-    Edge& edge = edges.emplace_back(id, configuration, starts);
+    Edge& edge = edges.emplace_back(id, configuration, plan, starts);
     for (const PlannedRobot& robot : plan.robots)
       if (robot.edge == id && !robot.sensors.cameras.empty())
         edge.members.push_back(

@@ -153,11 +153,11 @@ void SlamRun::write() {
   const std::string& name = robot_.report.id.str();
   if (!starts_.maps.empty()) results_.set_cut_short(starts_.cut_short);
   if (!is_joined()) {
-    add_robot(results_, "", "robot " + name, *robot_.outcome.map, robot_.cameras, true);
+    add_robot(results_, "", "robot " + name, MapOf::single, *robot_.outcome.map, robot_.cameras);
     results_.add_pose("", robot_.pose);
     return;
   }
-  add_robot(results_, "robots/" + name, "robot " + name, *robot_.outcome.map, robot_.cameras);
+  add_robot(results_, "robots/" + name, "robot " + name, MapOf::robot, *robot_.outcome.map, robot_.cameras);
   results_.add_pose("robots/" + name, robot_.pose);
   write_joined();
 }
@@ -180,8 +180,9 @@ void SlamRun::write_joined() {
   results_.set_own_maps(own_maps());
   results_.set_requests(std::move(requests));
   const std::string& name = robot_.report.id.str();
-  results_.add_components({TierId(), "", "apart-", "robot " + name + ", joined", std::move(frames), true, false, true},
-                          mine, {robot_.cameras}, report_);
+  results_.add_components(
+      {TierId(), "", "apart-", "robot " + name + ", joined", std::move(frames), MapOf::team, true, false}, mine,
+      {robot_.cameras}, report_);
   results_.put_trajectory_first(robot_.report.id);
 }
 

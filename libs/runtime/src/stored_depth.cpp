@@ -76,24 +76,26 @@ std::vector<RobotId> robots_with_depth(const Map& map) {
 
 std::vector<std::string> write_stored_depth(const std::filesystem::path& folder, const Map& map,
                                             const std::map<RobotId, std::filesystem::path>& logs,
-                                            const RunConfiguration& given, Progress& progress) {
+                                            std::vector<exporters::MapSlab> slabs, const RunConfiguration& given,
+                                            Progress& progress) {
   RunConfiguration configuration = given;
   configuration.sensor = "cameras";
   RunPlan plan;
   for (const RobotId& robot : robots_with_depth(map)) {
     const auto log = logs.find(robot);
-    MAPWEAVE_EXPECT(log != logs.end(), "each robot with depth has its log");
-    plan.robots.push_back({robot, TierId("export"), log->second});
+    if (log != logs.end()) plan.robots.push_back({robot, TierId("export"), log->second});
   }
   WorkerPool pool(1);
   choose_sensors(plan, configuration, pool);
-  std::vector<DepthTrajectory> trajectories;
+  DenseContent content{{}, std::move(slabs), configuration.output.ply, configuration.output.octomap};
   for (const PlannedRobot& robot : plan.robots)
-    for (DepthTrajectory& trajectory : trajectories_of(map, robot)) trajectories.push_back(std::move(trajectory));
-  const std::vector<std::string> notes = write_dense_map(folder, trajectories, configuration, progress);
+    for (DepthTrajectory& trajectory : trajectories_of(map, robot))
+      content.trajectories.push_back(std::move(trajectory));
+  std::vector<std::string> notes;
+  if (content.is_any()) notes = write_dense_map(folder, content, configuration, progress);
   std::error_code ignored;
   if (!std::filesystem::exists(folder / (configuration.output.ply ? "map.ply" : "map.bt"), ignored))
-    throw Error(ErrorCode::kBadInput, notes.empty() ? "there is no cloud of depth" : notes.front(), map.id.str(),
+    throw Error(ErrorCode::kBadInput, notes.empty() ? "nothing was seen" : notes.front(), map.id.str(),
                 "give the log that the map was made of, or raise output.dense.most_error_m");
   return notes;
 }

@@ -141,7 +141,7 @@ class Choosing {
 
 }  // namespace
 
-FrameRequest parse_frame(const std::string& text, const std::vector<std::string>& names, const FramePlace& place) {
+FrameRequest parse_frame(const std::string& text, const std::vector<std::string>& names, const RequestPlace& place) {
   FrameRequest request;
   if (text.empty()) return request;
   if (std::find(names.begin(), names.end(), text) != names.end()) return {Kind::named, text};

@@ -33,10 +33,11 @@ bool is_of(const std::vector<CamerasOutcome>& cameras, const RobotId& robot) {
 
 std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component,
                                                             const std::vector<CamerasOutcome>& cameras,
-                                                            const rig::RobotTrajectoryOptions& options) {
+                                                            const RunConfiguration& configuration) {
   std::vector<exporters::SessionTrajectory> trajectories;
   std::size_t members = 0;
-  for (const CamerasOutcome& outcome : cameras)
+  for (const CamerasOutcome& outcome : cameras) {
+    const rig::RobotTrajectoryOptions& options = configuration_of(configuration, outcome.robot).rig.trajectory;
     for (const CameraMap& part : outcome.maps) {
       if (!std::binary_search(component.members.begin(), component.members.end(), part.map.id)) continue;
       ++members;
@@ -57,6 +58,7 @@ std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Compon
                          [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
       }
     }
+  }
   if (members < component.members.size()) {
     // Maps of sessions before: their keyframes are all that is known.
     std::vector<exporters::SessionTrajectory> others = exporters::session_trajectories(component.map);

@@ -8,10 +8,10 @@
 
 namespace mapweave::runtime {
 
-// Of each member's robot; of keyframes alone where `cameras` do not hold a member (stored maps).
+// Of each member's robot, by its own options; of keyframes alone where `cameras` do not hold a member (stored maps).
 std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component,
                                                             const std::vector<CamerasOutcome>& cameras,
-                                                            const rig::RobotTrajectoryOptions& options);
+                                                            const RunConfiguration& configuration);
 
 // One camera's frames in the team's map. `scale`: by which the member was rescaled.
 std::vector<StampedPose> carried_along(const CameraMap& part, const FrameTrajectory& trajectory, const Map& team,

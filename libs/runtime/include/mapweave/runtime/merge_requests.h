@@ -3,6 +3,7 @@
 
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/runtime/run_configuration.h>
+#include <mapweave/runtime/team_frame.h>
 
 #include <optional>
 #include <string>
@@ -24,8 +25,11 @@ struct MergeRequests {
   std::vector<Anchor> anchors;                               // priors
 };
 
-// "A,B". Throws Error(kUsage) for anything else.
-std::pair<std::string, std::string> parse_pair(std::string_view text, const std::string& option);
+inline constexpr const char* kRefuseFlag = "--refuse";
+
+// "A,B". Throws Error(place.code) for anything else.
+std::pair<std::string, std::string> parse_pair(std::string_view text,
+                                               const RequestPlace& place = {ErrorCode::kUsage, kRefuseFlag});
 
 // "A,B,x,y,yaw[,sigma[,sigma_yaw]]": metres and radians. Throws Error(kUsage) for anything else.
 Anchor parse_anchor(std::string_view text);
@@ -34,8 +38,8 @@ Anchor parse_anchor(std::string_view text);
 // the names there are, for a name of neither, or where nothing would be left.
 std::vector<Map> without(std::vector<Map> maps, const std::vector<std::string>& names);
 // Puts the other requests into the input, whose maps are those that were left. Throws Error(kUsage) as without(), for a
-// pair of one map, and for two anchors of one pair.
-void apply(const MergeRequests&, fusion::FusionInput&);
+// pair of one map, and for two anchors of one pair. `refused_at`: where the refused pairs stand.
+void apply(const MergeRequests&, fusion::FusionInput&, const std::string& refused_at = kRefuseFlag);
 
 // A robot's own map, and where its log began.
 struct StartedMap {

@@ -24,6 +24,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -134,12 +135,16 @@ struct EdgeEntry {
 // What merged maps look like from outside.
 struct TeamMapOptions {
   std::string frame;
+  std::vector<std::string> refuse;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("frame", frame,
            "frame of the merged map (run, merge): the name of a map or robot, whose frame is kept; walls: axes along "
            "the walls; x,y,yaw in metres and radians: where the first map's frame lies in it; empty: the frame of the "
            "first robot listed, of the first map given. Each team without that map keeps the frame of its own first");
+    v.texts("refuse", refuse,
+            "pairs of robots (run) or maps (merge) whose maps are never matched to each other, as in "
+            "[\"alpha,beta\"]; a third one may still join them");
   }
 };
 
@@ -206,9 +211,12 @@ struct DenseOptions {
   }
 };
 
+enum class OctoMapsOf { all, edges, team };
+
 // Beside each map.mwdb.
 struct OutputOptions {
   bool png = true, pgm = true, pcd = true, tum = true, g2o = false, ply = false, octomap = false, report = true;
+  OctoMapsOf octomaps_of = OctoMapsOf::all;
   exporters::PictureOptions picture;
   exporters::PointCloudOptions cloud;
   DenseOptions dense;
@@ -226,8 +234,12 @@ struct OutputOptions {
            "write map.ply and map.dense.pcd, the coloured surfaces seen by depth cameras and stereo pairs (slam; the "
            "team's map of run)");
     v.flag("octomap", octomap,
-           "write map.bt and map.ot, OctoMaps of what depth cameras and stereo pairs saw: occupied, free and unknown "
-           "space");
+           "write map.bt and map.ot, OctoMaps: occupied, free and unknown space, of what depth cameras and stereo "
+           "pairs saw, and of what lasers saw a slab, one cell high, at the laser's height");
+    v.choice("octomaps_of", octomaps_of,
+             {{"all", OctoMapsOf::all}, {"edges", OctoMapsOf::edges}, {"team", OctoMapsOf::team}},
+             "maps of which output.octomap writes OctoMaps (run, merge); all: robots', edges' and the team's; edges: "
+             "edges' and the team's; team: the team's alone. Logs with depth are read once more for each of them");
     v.flag("report", report,
            "write report.html, one page that shows the results: maps, pairs of maps, times and options (run, slam, "
            "merge)");
@@ -336,8 +348,10 @@ struct RunPlan {
       robots;  // by id, a part of a log each where several edges map a robot; without a coordinator each has an edge
   std::vector<std::filesystem::path> maps = {};  // that it begins with, by their full paths
   std::vector<TierId> edges;                     // sorted; without a coordinator each has robots
-  NetworkOptions network;                        // traces by their full paths
-  std::filesystem::path model;                   // the coordinator's, in full; may be empty
+  std::set<std::pair<RobotId, RobotId>>
+      refused;                  // never to be matched to each other, parts each for itself; the lower id first
+  NetworkOptions network;       // traces by their full paths
+  std::filesystem::path model;  // the coordinator's, in full; may be empty
 };
 
 // What the configuration says of a robot; ContractViolation where it lists none of this name.
@@ -356,8 +370,9 @@ TierId cloud_tier();
 // Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in
 // the file: kBadInput for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that
 // cannot hold all robots, a wire between two that are none, a frame of no robot (where the run begins with maps,
-// frames are looked for later), several edges of a robot where a coordinator chooses or where robots map themselves;
-// kMissing for a robot without a log, a log, a map, a trace or a model that is not there.
+// frames are looked for later), several edges of a robot where a coordinator chooses or where robots map themselves,
+// robots to be refused that are none or one; kMissing for a robot without a log, a log, a map, a trace or a model that
+// is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots as they were listed, each with its edge and the full path of its log.

@@ -20,11 +20,11 @@ std::map<RobotId, std::filesystem::path> logs_of_results(const std::filesystem::
 std::vector<RobotId> robots_with_depth(const Map&);
 
 // map.ply and map.dense.pcd (output.ply), map.bt and map.ot (output.octomap) into `folder`, which is there: of what
-// keyframes showed. Answers what was not as expected, for people. Contract: there are robots with depth, each with its
-// log. Throws Error: what reading a log throws, kBadInput for a log without the map's cameras, or where no picture
-// shows depth.
+// keyframes of the robots with logs showed, and of slabs (OctoMaps alone). Answers what was not as expected, for
+// people. Contract: there are such robots, or slabs and output.octomap. Throws Error: what reading a log throws,
+// kBadInput for a log without the map's cameras, or where there is nothing to write.
 std::vector<std::string> write_stored_depth(const std::filesystem::path& folder, const Map&,
                                             const std::map<RobotId, std::filesystem::path>& logs,
-                                            const RunConfiguration&, Progress&);
+                                            std::vector<exporters::MapSlab> slabs, const RunConfiguration&, Progress&);
 
 }  // namespace mapweave::runtime

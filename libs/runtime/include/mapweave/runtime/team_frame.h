@@ -24,14 +24,14 @@ struct FrameRequest {
 };
 
 // Where a request stands, and what it is when it is wrong.
-struct FramePlace {
+struct RequestPlace {
   ErrorCode code = ErrorCode::kUsage;
   std::string where;
 };
 
 // "" (first), "walls", "x,y,yaw" in metres and radians, or one of the names: a map that is called walls is that map.
 // Throws Error(place.code) for anything else.
-FrameRequest parse_frame(const std::string& text, const std::vector<std::string>& names, const FramePlace& place);
+FrameRequest parse_frame(const std::string& text, const std::vector<std::string>& names, const RequestPlace& place);
 
 // The frame that one team's map has.
 struct TeamFrame {
