@@ -111,7 +111,8 @@ std::size_t bytes_beside_poses(const std::string& title, Json data, const std::v
 std::string report_page(const std::filesystem::path& results, const PageContext& context) {
   ResultFiles files(results);
   const Json manifest = files.json("manifest.json"), summary = files.json("summary.json");
-  const Json merges = text_of(manifest, "verb") == "slam" ? Json::array() : files.json("merges.json");
+  const bool has_none = text_of(manifest, "verb") == "slam" && !files.has("merges.json");  // it joined no other map
+  const Json merges = has_none ? Json::array() : files.json("merges.json");
   std::vector<std::string> robots;
   std::vector<ReportMap> maps;
   files.attempt("summary.json", [&] { robots = robot_names(files, summary); });

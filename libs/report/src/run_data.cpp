@@ -58,10 +58,12 @@ std::vector<std::string> commands(const Json& manifest, const Json& options) {
     return {"# in this folder; config.yaml holds all options and the full paths of the logs",
             "mapweave run config.yaml --out again"};
   if (verb == "slam") {
-    std::string robot;
-    for (const Json& option : options)
+    std::string robot, log = inputs;  // of the inputs, others may be words and maps that it began with
+    for (const Json& option : options) {
       if (option.value("name", "") == "robots.0.id") robot = " --robot " + shell_word(option.value("value", ""));
-    return {"mapweave slam" + inputs + robot + settings + " --out again"};
+      if (option.value("name", "") == "robots.0.log") log = " " + shell_word(option.value("value", ""));
+    }
+    return {"mapweave slam" + log + robot + settings + " --out again"};
   }
   if (verb == "merge")
     return {
