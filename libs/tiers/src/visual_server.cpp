@@ -299,6 +299,7 @@ std::vector<Map> VisualServer::maps() const {
       result.push_back(state_->whole(part).map());
       result.back().id = part.name;
     }
+  for (Map& map : MapMerge::copies(state_->starts)) result.push_back(std::move(map));
   return result;
 }
 
