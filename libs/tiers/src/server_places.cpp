@@ -91,13 +91,13 @@ std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const Plac
   return answer(from, *search);
 }
 
-std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig_camera(const SessionId& lost,
+std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig_camera(const SessionId& camera,
                                                                                         Stamp when,
                                                                                         const TeamView& team) const {
   if (!rig.enabled) return std::nullopt;
   std::optional<RobotPlace> best;
   double least_s = std::nextafter(kAround_s, 1.0);
-  for (const Entry* entry : rig_cameras(lost.client)) {
+  for (const Entry* entry : rig_cameras(camera.client)) {
     const Client& rig_camera = entry->second;
     const std::optional<Whereabouts> known = robot_at(rig_camera.seen_at, when);
     if (!known || !(known->apart_s < least_s)) continue;

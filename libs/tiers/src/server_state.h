@@ -186,7 +186,7 @@ struct VisualServer::State {
   static std::optional<RobotPlace> in_team(const TeamView& team, const Client& client, const MapId& client_map,
                                            const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
-  std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
+  std::optional<RobotPlace> place_by_rig_camera(const SessionId& camera, Stamp when, const TeamView& team) const;
   void note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
   // What there is of landmarks in view that it does not have, with their keys in SharedLandmarkTable.
   struct Offer {
