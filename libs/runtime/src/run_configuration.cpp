@@ -273,8 +273,9 @@ std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configu
   return paths;
 }
 
-// Says now what is wrong with it; of a run that begins with maps, these have names too.
-void expect_frame(const RunConfiguration& configuration, const RunPlan& plan, const Origins& origins) {
+// And says now what is wrong with the frame; of a run that begins with maps, these have names too.
+void take_start_maps(const RunConfiguration& configuration, const Origins& origins, RunPlan& plan) {
+  plan.maps = start_maps_of(configuration, origins);
   if (plan.maps.empty())
     parse_frame(configuration.team.frame, names_with_parts(plan),
                 {ErrorCode::kBadInput, origins.place_of("team.frame")});
@@ -352,9 +353,8 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
   plan.edges.assign(used.begin(), used.end());
   plan.network = network_of(configuration.network, plan, origins);
   expect_tiers(configuration, plan, origins);
-  plan.maps = start_maps_of(configuration, origins);
   plan.refused = refused_robots(configuration.team.refuse, plan.robots, origins);
-  expect_frame(configuration, plan, origins);
+  take_start_maps(configuration, origins, plan);
   if (is_coordinated && !configuration.coordinator.model.empty()) {
     const std::string where = "coordinator.model";
     plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model)

@@ -199,7 +199,7 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
 }
 
 std::optional<std::string> note_on_sharing(const RunConfiguration& configuration, const RunPlan& plan,
-                                           bool is_lent_alone) {
+                                           bool shares_alone) {
   if (configuration.server.share == tiers::Sharing::none) return std::nullopt;
   std::map<std::string, std::string> robots;  // that have cameras, by their edge
   std::size_t most_cameras = 0, all_cameras = 0;
@@ -217,12 +217,12 @@ std::optional<std::string> note_on_sharing(const RunConfiguration& configuration
   const std::string option =
       configuration.server.share == tiers::Sharing::view ? "server.share=view" : "server.share=full";
   if (robots.empty()) return option + " has no effect: no robot of an edge maps with cameras";
-  if (all_cameras < 2 && !is_lent_alone)
+  if (all_cameras < 2 && !shares_alone)
     return option + " has no effect: there is only one camera, and it had room for all that it mapped";
   if (robots.size() == 1 || configuration.server.across_edges) return std::nullopt;
   std::string list;
   for (const auto& [edge, there] : robots) list += (list.empty() ? "" : "; ") + edge + ": " + there;
-  return option + (most_cameras < 2 && !is_lent_alone ? " has no effect" : " counts within each edge alone") +
+  return option + (most_cameras < 2 && !shares_alone ? " has no effect" : " counts within each edge alone") +
          ": cameras of different edges share nothing while they drive (" + list + "), since server.across_edges=false";
 }
 

@@ -19,8 +19,8 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, co
                                                      Progress&);
 
 // What somebody who asked for sharing should know: that there is nobody to share with, or that cameras of different
-// edges share nothing (server.across_edges). is_lent_alone: a camera alone is lent something too, of what it forgot or
+// edges share nothing (server.across_edges). shares_alone: a camera alone is given something too, of what it forgot or
 // of maps of sessions before. After choose_sensors().
-std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&, bool is_lent_alone);
+std::optional<std::string> note_on_sharing(const RunConfiguration&, const RunPlan&, bool shares_alone);
 
 }  // namespace mapweave::runtime
