@@ -107,7 +107,7 @@ TEST(Codec, writes_floats_where_they_say_the_same) {
     constraint = planar_constraint(constraint.id, in_floats(planar(constraint.from_from_to.pose)),
                                    in_floats(Eigen::Matrix3d::Identity() * 7.3));
   const std::string whole = bytes_with(false), rounded = bytes_with(true);
-  EXPECT_LT(rounded.size() + 20 * update.nodes.size() + 40 * update.constraints.size(), whole.size());
+  EXPECT_LT(rounded.size() + 15 * update.nodes.size() + 35 * update.constraints.size(), whole.size());
   EXPECT_EQ(encode(decode_map_update(rounded, "here")), whole) << "the same numbers, bit for bit";
 }
 
@@ -259,7 +259,7 @@ TEST(Codec, refuses_a_newer_form_and_says_so) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
-    EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 6"),
+    EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 7"),
                                                HasSubstr("newer mapweave")));
   }
 }

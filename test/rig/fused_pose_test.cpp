@@ -18,7 +18,7 @@ Pose2 truth(double seconds) {
 
 struct Sensing {
   double begin_s = 0.0, end_s = 20.0, period_s = 0.1;
-  Pose3 map_from_world;
+  Pose3 map_from_world = {};
   int session = 0;
   double scale = 1.0;
 };

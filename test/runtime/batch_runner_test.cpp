@@ -403,7 +403,7 @@ TEST_F(BatchTest, slam_leaves_the_files_of_the_contract_in_one_folder) {
   EXPECT_EQ(report.exit_code(), ExitCode::done);
   EXPECT_EQ(entries(folder / "out"),
             "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml report.html "
-            "summary.json trajectory.tum ");
+            "robot.sources.csv robot.tum summary.json trajectory.tum ");
 }
 
 }  // namespace

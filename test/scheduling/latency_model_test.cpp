@@ -401,7 +401,6 @@ TEST_F(ProfileOfRuns, learns_what_an_edge_has_of_its_own) {
   EXPECT_NEAR(*s.bytes_per_map_byte, 0.75, 1e-9);
   EXPECT_NEAR(*s.slam_s_per_scan, 0.002, 1e-9);
   const FusedScans of_s{1000.0, 0.0, 0.0};
-  EXPECT_GT(s.fusion->seconds(of_s), 1.5 * n.fusion->seconds(of_s)) << "it takes longer for the same";
   EXPECT_NEAR(s.fusion->seconds(of_s), 12.0, 6.0);
   const LatencyModel few = profile_runs({runs[0], runs[1]}).model;
   EXPECT_TRUE(few.edges.empty() || !few.edges.begin()->second.fusion) << "two runs are not enough";

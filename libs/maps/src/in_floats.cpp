@@ -5,9 +5,13 @@ namespace {
 
 constexpr double kDiagonalGrowth = 1e-6;  // more than three roundings of 6e-8 can take from an eigenvalue
 
-double in_float(double number) { return static_cast<double>(static_cast<float>(number)); }
-
 }  // namespace
+
+double in_float(double number) {
+  // volatile: GCC 12 takes two such roundings side by side for none.
+  const volatile float rounded = static_cast<float>(number);
+  return static_cast<double>(rounded);
+}
 
 Pose2 in_floats(const Pose2& pose) { return {in_float(pose.x), in_float(pose.y), in_float(pose.phi)}; }
 

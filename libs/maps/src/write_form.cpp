@@ -52,7 +52,7 @@ void shorten(form::Pose& form) {
 }
 
 void shorten(form::Matrix6& form) {
-  const auto is_float = [](double number) { return same(static_cast<double>(static_cast<float>(number)), number); };
+  const auto is_float = [](double number) { return same(in_float(number), number); };
   if (!std::all_of(form.numbers().begin(), form.numbers().end(), is_float)) return;
   for (const double number : form.numbers()) form.add_floats(static_cast<float>(number));
   form.clear_numbers();

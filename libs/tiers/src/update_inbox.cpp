@@ -105,6 +105,21 @@ MapUpdate UpdateInbox::fitted(MapUpdate update) const {
                      update.moved.end());
   update.removed_nodes.erase(std::remove_if(update.removed_nodes.begin(), update.removed_nodes.end(), is_out),
                              update.removed_nodes.end());
+  if (!taken_out_.empty()) {
+    // What hung on them went with them.
+    const auto is_here = [&](const LandmarkId& id) { return kept_->map.landmarks.contains(id); };
+    update.removed_landmarks.erase(std::remove_if(update.removed_landmarks.begin(), update.removed_landmarks.end(),
+                                                  [&](const LandmarkId& id) { return !is_here(id); }),
+                                   update.removed_landmarks.end());
+    update.changed_landmarks.erase(
+        std::remove_if(update.changed_landmarks.begin(), update.changed_landmarks.end(),
+                       [&](const LandmarkChange& change) {
+                         return !is_here(change.id) &&
+                                std::none_of(update.landmarks.begin(), update.landmarks.end(),
+                                             [&](const Landmark& landmark) { return landmark.id == change.id; });
+                       }),
+        update.changed_landmarks.end());
+  }
   const std::size_t named = update.removed_landmarks.size();
   for (const LandmarkId& id : hanging_on(update.removed_nodes))
     if (forgotten_landmarks_.count(id) != 0 ||

@@ -6,6 +6,7 @@
 
 namespace mapweave {
 
+double in_float(double);  // the nearest number that a float holds
 Pose2 in_floats(const Pose2&);
 Pose3 in_floats(const Pose3& planar_pose);
 // Symmetric and not negative, as the information was: the diagonal grows by a millionth.
