@@ -46,8 +46,8 @@ InertialRun mapped_with(const simulation::SimulatedTeam& team, const Unit& unit,
     if (i > 0) yaw_rad += wrap_angle(step.world_from_robot.phi - robot.steps[i - 1].world_from_robot.phi);
     const double seconds = seconds_between(robot.steps.front().stamp, step.stamp);
     if (with_odometry) mapper.add(OdometryInput{step.stamp, spatial(step.odometry_from_robot)});
-    mapper.add(ScanInput{step.stamp, test::packed(step.ranges, geometry)});
     if (unit.exists) mapper.add(InertialInput{step.stamp, unit.scale * (yaw_rad + unit.bias_rad_s * seconds)});
+    mapper.add(ScanInput{step.stamp, test::packed(step.ranges, geometry)});
   }
   mapper.finish();
   return {mapper.snapshot(), mapper.notes()};
@@ -76,7 +76,7 @@ TEST(GraphMapper, finds_out_what_is_wrong_with_an_inertial_unit) {
   const auto check = [&](double scale, const std::string& expected) {
     const InertialRun run = mapped_with(team, {scale, 0.01, true});
     ASSERT_EQ(run.notes.size(), 1U) << scale;
-    EXPECT_NE(run.notes.front().find(expected), std::string::npos) << run.notes.front();
+    EXPECT_NE(run.notes.front().find(expected), std::string::npos) << scale << ": " << run.notes.front();
     EXPECT_LT(error_m(run.map, team.robots[0]), without + 0.01) << "a wrong unit does no harm, scale " << scale;
   };
   check(0.0, "dead");

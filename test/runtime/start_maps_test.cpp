@@ -85,6 +85,7 @@ TEST_F(StartMapsTest, keeps_the_first_place_where_it_was_in_run_and_slam) {
   const Report report = run("team");
   ASSERT_EQ(report.team.components.size(), 1u);
   EXPECT_EQ(report.team.frames.at(0).by, MapId("before"));
+  configuration.maps.clear();
   slam("beta", "beta", {folder / "one"}, "slam");
   for (const char* store : {"team/team/map.mwdb", "slam/map.mwdb"}) {
     const Map team = mapdb::read_store(folder / store).maps.at(0);
@@ -133,6 +134,7 @@ TEST_F(StartMapsTest, lets_a_robot_go_on_with_the_map_that_it_was_sent) {
   const fs::path sent = folder / "first/robots/beta/team/map.mwdb";
   const Map team = mapdb::read_store(sent).maps.at(0);
   EXPECT_EQ(report.work.pushes[0].bytes, tiers::first_update(team, cloud_tier()).size()) << "what it has was sent";
+  configuration.cloud.push_to.clear();
   const Report next = slam("gamma", "beta", {folder / "first/robots/beta"}, "second");
   EXPECT_EQ(next.team.frames.size(), next.team.components.size());
   std::set<std::string> members;

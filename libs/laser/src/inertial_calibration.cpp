@@ -42,9 +42,7 @@ void InertialCalibration::add_step(double seconds, double measured_turn_rad, dou
 }
 
 bool InertialCalibration::wants_heading() const {
-  // A unit in degrees seems to turn all the time: by stretches of single steps little could be told.
-  const double measured_rad = std::abs(current_.measured_rad) / std::max(1.0, std::abs(scale_));
-  return !start_ || measured_rad >= kStretch_rad || std::abs(current_.matched_rad) >= kStretch_rad ||
+  return !start_ || std::abs(current_.measured_rad) >= kStretch_rad || std::abs(current_.matched_rad) >= kStretch_rad ||
          current_.seconds >= kStretch_s;
 }
 

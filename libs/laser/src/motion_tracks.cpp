@@ -7,6 +7,7 @@ namespace mapweave::laser {
 namespace {
 
 constexpr double kLongestExtrapolation_s = 0.5;
+constexpr double kLongestTurnAhead_s = 0.05;  // beyond the last reading: a robot begins to turn within less than 0.2 s
 constexpr std::size_t kFewestReadings = 64;
 constexpr double kKept_s = 2.0;  // before the latest reading: scans may be stamped late
 
@@ -59,7 +60,7 @@ std::optional<double> InertialTrack::at(Stamp stamp) const {
                                 [](const auto& reading, Stamp s) { return reading.first < s; });
   if (later == readings_.end()) {
     --later;
-    if (seconds_between(later->first, stamp) > kInertialGap_s) return std::nullopt;
+    if (seconds_between(later->first, stamp) > kLongestTurnAhead_s) return std::nullopt;
   }
   if (later == readings_.begin()) return later->second;
   const auto earlier = later - 1;
