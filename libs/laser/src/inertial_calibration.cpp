@@ -23,6 +23,7 @@ constexpr double kUnexplained = 0.15;                          // of the turns: 
 constexpr double kMedianOfNormal = 0.6745;                     // of |x| where x is standard normal
 constexpr double kLeastFactor = 0.5, kLargestFactor = 6.0;     // of the noise, whatever few stretches say
 constexpr double kDead = 0.2;                                  // scale of a unit that does not turn along
+constexpr double kScaleShare = 0.1;                            // standard deviation of a scale that is named
 constexpr double kDegreesPerRadian = 57.29577951308232;
 
 double median(std::vector<double> values) {
@@ -42,7 +43,8 @@ void InertialCalibration::add_step(double seconds, double measured_turn_rad, dou
 }
 
 bool InertialCalibration::wants_heading() const {
-  return !start_ || std::abs(current_.measured_rad) >= kStretch_rad || std::abs(current_.matched_rad) >= kStretch_rad ||
+  const double measured_rad = std::abs(current_.measured_rad) / std::max(1.0, std::abs(scale_));
+  return !start_ || measured_rad >= kStretch_rad || std::abs(current_.matched_rad) >= kStretch_rad ||
          current_.seconds >= kStretch_s;
 }
 
@@ -144,9 +146,10 @@ std::optional<std::string> InertialCalibration::doubt() const {
     return "it does not turn with the robot (" + times +
            "): it is dead, or mounted on its side; it is not believed. Its axis z must point up or down, or the log "
            "must say how it is mounted";
-  if (share_of_turns() < kUnexplained && size > 0.7 * kDegreesPerRadian && size < 1.4 * kDegreesPerRadian)
+  const bool is_scale_known = scale_sigma_ < kScaleShare * size;
+  if (is_scale_known && size > 0.7 * kDegreesPerRadian && size < 1.4 * kDegreesPerRadian)
     return times + ": degrees per second? It is not believed; logs hold radians";
-  if (share_of_turns() < kUnexplained && (size < kLeastScale || size > kLargestScale))
+  if (is_scale_known && (size < kLeastScale || size > kLargestScale))
     return times + "; it is not believed. Its unit or its scale is wrong";
   if (share_of_turns() < kUnexplained && noise_factor_ < kLargestFactor) return std::nullopt;
   return format("it contradicts the scans (%.0f %% of its turns are not explained by them); it is not believed",

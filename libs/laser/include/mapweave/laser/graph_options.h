@@ -23,8 +23,8 @@ struct FrontEndOptions {
   double odometry_sigma_per_m = 0.10;
   double odometry_sigma_yaw_rad = 0.01;
   double odometry_sigma_yaw_per_rad = 0.15;
-  double inertial_sigma_yaw_rad = 0.001;
-  double inertial_sigma_yaw_per_rad = 0.01;
+  double inertial_sigma_yaw_rad = 0.01;
+  double inertial_sigma_yaw_per_rad = 0.05;
   double point_information_scale = 0.05;
   double min_inliers = 0.35;
   int lost_scans = 10;
