@@ -9,20 +9,22 @@ import unittest
 import support
 from option_effect_inputs import FLAT, camera
 
-LASERS = FLAT + """
+# Large enough that no half of it lies on the other half.
+LASERS = FLAT.replace("width_m: 8, height_m: 7", "width_m: 12, height_m: 9") + """
 laser: {rays: 121, scans_per_second: 3, max_range_m: 8}
 robots:
   - {id: monday, first_room: 0, last_room: 2, length_m: 14, laps: 2}
   - {id: tuesday, first_room: 0, last_room: 2, length_m: 14}
   - {id: wednesday, first_room: 1, length_m: 12}
 """
-CAMERAS = FLAT + f"""
+# As much to see as a camera needs that is never to be lost.
+CAMERAS = FLAT.replace("width_m: 8", "width_m: 9").replace("posters_per_10_m: 3", "posters_per_10_m: 8") + f"""
 cameras: [{camera("camera", "rgbd")}]
 laser: {{rays: 61, scans_per_second: 2}}
 robots:
   - {{id: monday, first_room: 0, last_room: 2, length_m: 8}}
   - {{id: tuesday, first_room: 0, last_room: 1, length_m: 6}}
-  - {{id: wednesday, first_room: 0, last_room: 1, length_m: 5, order: back}}
+  - {{id: wednesday, first_room: 0, last_room: 1, length_m: 6}}
 """
 ELSEWHERE = """
 seed: 19
