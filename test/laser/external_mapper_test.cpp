@@ -24,6 +24,7 @@ namespace {
 using mapweave::test::IsNear;
 using mapweave::test::TemporaryFolder;
 using test::drive_around;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::MatchesRegex;
 
@@ -226,10 +227,11 @@ TEST(ExternalMapper, a_helper_that_talks_nonsense_is_an_error_and_no_map) {
   const Error error = error_with_helper("echo hello, this is not the protocol at all; exec cat > /dev/null");
   EXPECT_EQ(error.code(), ErrorCode::kHelperFailed);
   EXPECT_THAT(error.what(), HasSubstr("a frame of "));
+  // "The last poses", of which there are none, said before or after it is asked for them.
   EXPECT_THAT(
       error_with_helper("printf '\\007\\000\\000\\000\\010\\006\\252\\001\\002\\030\\001'; exec cat > /dev/null")
           .what(),
-      HasSubstr("0 poses for 20 scans"));  // "the last poses", of which there are none
+      AnyOf(HasSubstr("0 poses for 20 scans"), HasSubstr("poses that nobody asked for")));
 }
 
 TEST(ExternalMapper, says_what_the_helper_could_not_do) {

@@ -209,7 +209,8 @@ void ExternalMapper::take(const MapperOutput& output) {
     failure_ = refusal->why.problem();
   } else {
     const auto& [poses, is_last] = std::get<ScanPoses>(output);
-    if (is_done_ || poses_.size() + poses.size() > scans_.size()) protocol::fail("more poses than scans");
+    if (is_done_) protocol::fail("poses that nobody asked for");
+    if (poses_.size() + poses.size() > scans_.size()) protocol::fail("more poses than scans");
     poses_.insert(poses_.end(), poses.begin(), poses.end());
     is_done_ = is_last;
   }

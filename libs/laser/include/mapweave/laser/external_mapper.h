@@ -71,7 +71,7 @@ class ExternalMapper : public LaserMapper {
   protocol::FrameParser incoming_;
   std::vector<ScanPose> poses_;
   std::uint64_t finished_scans_ = 0;
-  bool is_done_ = false;  // all poses that were asked for last are there
+  bool is_done_ = true;  // all poses that were asked for are there
   std::string failure_;   // what the helper said of its own end
   std::optional<Error> error_;
   bool finished_ = false;
