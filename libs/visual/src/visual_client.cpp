@@ -309,6 +309,8 @@ int VisualClient::State::keep_shared(const ClientPlace& place, int session, std:
   shared.drop(dropped);
   if (!has_session(session)) return 0;
   const Pose3 camera_from_robot = inverse(place.robot_from_camera);
+  keyframes.erase(std::remove_if(keyframes.begin(), keyframes.end(), [](const auto& one) { return !is_sound(one); }),
+                  keyframes.end());
   for (SharedKeyframe& one : keyframes) {
     one.map_from_camera = compose(camera_from_robot, one.map_from_camera);
     for (DescribedLandmark& landmark : one.landmarks)

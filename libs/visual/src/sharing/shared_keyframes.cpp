@@ -14,12 +14,6 @@ constexpr std::size_t kBeside = 3;            // others that speak with the keyf
 constexpr double kBeside_m = 1.0, kBeside_rad = 0.5;
 constexpr double kMostScale = 1000.0;
 
-bool is_sound(const SharedKeyframe& shared) {
-  return is_finite(shared.map_from_camera) && std::abs(shared.map_from_camera.q.norm() - 1.0) < 1e-6 &&
-         shared.map_from_camera.t.norm() < matching::kMostCoordinate_m && std::isfinite(shared.scale) &&
-         shared.scale > 1.0 / kMostScale && shared.scale < kMostScale;
-}
-
 // The session's keyframe nearest to a camera; -1 without any.
 int nearest_to(const LandmarkMap& map, int session, const View& view) {
   int nearest = -1;
@@ -37,6 +31,12 @@ int nearest_to(const LandmarkMap& map, int session, const View& view) {
 }
 
 }  // namespace
+
+bool is_sound(const SharedKeyframe& shared) {
+  return is_finite(shared.map_from_camera) && std::abs(shared.map_from_camera.q.norm() - 1.0) < 1e-6 &&
+         shared.map_from_camera.t.norm() < matching::kMostCoordinate_m && std::isfinite(shared.scale) &&
+         shared.scale > 1.0 / kMostScale && shared.scale < kMostScale;
+}
 
 int keyframe_beside(const LandmarkMap& map, int session, std::uint32_t serial) {
   int best = -1;

@@ -24,6 +24,8 @@ struct SharedPlace {
   std::uint32_t anchor = 0;  // the own keyframe (its serial number) beside which the other's was placed
 };
 
+// Whether its numbers make sense.
+bool is_sound(const SharedKeyframe& shared);
 // Of the session's keyframes, the one whose serial number is nearest; -1 without any.
 int keyframe_beside(const LandmarkMap& map, int session, std::uint32_t serial);
 
