@@ -66,6 +66,73 @@ TEST(Exchange, gives_a_share_back_to_what_its_form_holds) {
   EXPECT_LT(static_cast<double>(bytes.size()) / static_cast<double>(sent.landmarks.size()), 80.0) << "small";
 }
 
+// With keyframes of others.
+Share global_share() {
+  std::mt19937_64 random(4);
+  Share result = share();
+  KeyframeFeatures features{
+      std::make_shared<const CameraGeometry>(CameraGeometry{320, 240, 260, 260, 160, 120, 0, 1.2, Pose3()}), {}, {}};
+  for (std::uint16_t i = 0; i < 40; ++i) {
+    features.points.push_back({static_cast<std::uint16_t>(16 * i), static_cast<std::uint16_t>(40 * i),
+                               static_cast<std::uint16_t>(9 * i), 1, 3});
+    features.descriptors.push_back({random(), random(), random(), random()});
+  }
+  SharedKeyframe whole{{kAlpha, 7}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}, 1.5, features, {}};
+  for (std::uint32_t i = 0; i < 10; ++i) whole.landmarks.push_back(landmark(random, 2 * i));
+  SharedKeyframe light = whole;
+  light.id.index = 8;
+  light.scale = 1.0;
+  light.features.reset();
+  light.landmarks.clear();
+  result.keyframes = {whole, light};
+  result.dropped = {{kAlpha, 3}, {{{RobotId("gamma"), SensorId("camera")}, 9}, 1}};
+  return result;
+}
+
+TEST(Exchange, gives_keyframes_of_others_back_and_light_ones_are_small) {
+  const Share sent = global_share();
+  const std::string bytes = encode(sent);
+  const Share got = decode_share(bytes, "test");
+  EXPECT_EQ(encode(got), bytes);
+  ASSERT_EQ(got.keyframes.size(), 2U);
+  EXPECT_EQ(got.keyframes[0].id, sent.keyframes[0].id);
+  EXPECT_EQ(got.keyframes[0].scale, 1.5);
+  EXPECT_EQ(got.keyframes[0].map_from_camera.t, sent.keyframes[0].map_from_camera.t);
+  ASSERT_TRUE(got.keyframes[0].features);
+  EXPECT_EQ(got.keyframes[0].features->descriptors, sent.keyframes[0].features->descriptors);
+  EXPECT_EQ(*got.keyframes[0].features->geometry, *sent.keyframes[0].features->geometry);
+  EXPECT_EQ(got.keyframes[0].landmarks.size(), 10U);
+  EXPECT_FALSE(got.keyframes[1].features);
+  EXPECT_EQ(got.dropped, sent.dropped);
+  Share without = sent;
+  without.keyframes.pop_back();
+  EXPECT_LT(bytes.size() - encode(without).size(), 80U);
+  ClientView view{MapId("beta.camera"), {5}, Pose3(), 0};
+  const std::string silent = encode(view);
+  view.room = 300;
+  EXPECT_EQ(decode_client_view(encode(view), "test").room, 300U);
+  EXPECT_EQ(decode_client_view(silent, "test").room, 0U);
+}
+
+TEST(Exchange, refuses_keyframes_of_others_that_are_none) {
+  const auto refused = [](const Share& share) { EXPECT_THROW(decode_share(encode(share), "test"), Error); };
+  Share twice = global_share();
+  twice.keyframes[1].id = twice.keyframes[0].id;
+  refused(twice);
+  Share bad = global_share();
+  bad.keyframes[0].scale = -1.0;
+  EXPECT_THROW(encode(bad), ContractViolation);
+  bad = global_share();
+  bad.keyframes[0].map_from_camera.t.x() = std::nan("");
+  EXPECT_THROW(encode(bad), ContractViolation);
+  bad = global_share();
+  bad.keyframes[0].features->points[0].u = 16 * 320;
+  refused(bad);
+  bad = global_share();
+  bad.dropped.resize(kMostSharedKeyframes + 1, bad.dropped.front());
+  EXPECT_THROW(encode(bad), ContractViolation);
+}
+
 TEST(Exchange, gives_the_other_messages_back) {
   const Hash vocabulary = Hasher().add("words").finish();
   const Hello hello = decode_hello(encode(Hello{kAlpha, vocabulary}), "test");
@@ -225,8 +292,7 @@ TEST(Exchange, refuses_to_sense_what_cannot_be) {
   }
 }
 
-TEST(Exchange, survives_bytes_that_are_flipped) {
-  const std::string bytes = encode(share());
+void expect_survives(const std::string& bytes) {
   std::mt19937_64 random(17);
   for (int i = 0; i < 3000; ++i) {
     std::string damaged = bytes;
@@ -238,6 +304,10 @@ TEST(Exchange, survives_bytes_that_are_flipped) {
       EXPECT_NO_THROW(encode(got)) << "what was read is sound";
     } catch (const Error&) {}
   }
+}
+
+TEST(Exchange, survives_bytes_that_are_flipped) {
+  for (const std::string& bytes : {encode(share()), encode(global_share())}) expect_survives(bytes);
 }
 
 }  // namespace

@@ -116,6 +116,20 @@ class CameraTeam(support.Scenario):
             self.assertLess(camera["sent_bytes"], 1.2 * 20000.0 * seconds)
         self.assertGreater(sum(robot["cameras"][0]["heard_bytes"] for robot in robots), 0)
 
+    def test_cameras_keep_the_map_of_the_whole_team(self):
+        one_edge = self.configuration([(robot, self.world / f"{robot}.rawlog", "one") for robot in ("alpha", "beta")])
+        self.mapweave("run", one_edge, "--set", "sensor=rgbd", "--set", "server.share=full", "--out", "full")
+        for threads in (1, 2):
+            self.mapweave("run", one_edge, "--set", "sensor=rgbd", "--set", "server.share=global", "--threads", threads, "--out", f"global{threads}")
+        for name in ("team/trajectories/beta.tum", "team/map.mwdb", "robots/alpha/trajectory.tum", "robots/beta/trajectory.tum"):
+            self.assertEqual((self.folder / "global1" / name).read_bytes(), (self.folder / "global2" / name).read_bytes(), name)
+        self.assertLess(self.team_error("global1"), 1.05 * self.team_error("full"))
+        cameras = [camera for robot in self.read_json("global1/summary.json")["robots"] for camera in robot["cameras"]]
+        self.assertGreater(min(camera["shared_keyframes"]["kept"] for camera in cameras), 5)
+        self.assertTrue(all(camera["shared_keyframes"]["dropped"] == 0 for camera in cameras))
+        for robot in self.read_json("full/summary.json")["robots"]:
+            self.assertNotIn("shared_keyframes", robot["cameras"][0])
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -366,6 +366,7 @@ server.far_m 1
 server.correct_m 0.0001
 server.most_bytes_per_s 200
 server.keyframes 20; visual.memory.keyframes=20
+visual.memory.shared_keyframes 5; server.share=global
 server.across_edges false; robots.1.edge=edge1
 server.index.cell_m 50
 server.index.spatial true

@@ -158,6 +158,7 @@ class FeatureTeam {
   std::deque<Robot> robots;
   std::function<void(const Robot&, const std::string&)> overheard = {};  // updates that came to be stored
   std::function<void(PlaceRequest&)> garbled = {};                       // on the way
+  std::function<void(const Robot&, const Share&)> on_share = {};         // what it is about to receive
 
  private:
   static constexpr double kRate_hz = 12.0;
@@ -198,6 +199,7 @@ class FeatureTeam {
       greet(robot);
       if (const auto share = server.share(*robot.client->run(robot.place), decode_client_view(*view, "test"))) {
         robot.corrections += !share->corrected.empty();
+        if (on_share) on_share(robot, *share);
         robot.agent->receive_share(*robot.client, encode(*share));
       }
       robot.borrowed_seen = std::max(robot.borrowed_seen, robot.client->borrowed_seen());

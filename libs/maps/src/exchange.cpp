@@ -2,7 +2,9 @@
 #include "exchange_form.h"
 #include "soundness.h"
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 namespace mapweave {
 namespace {
@@ -72,6 +74,27 @@ SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks,
   return sessions;
 }
 
+SessionTable sessions_of(const Share& share) {
+  std::vector<DescribedLandmark> landmarks = share.landmarks;
+  for (const SharedKeyframe& keyframe : share.keyframes)
+    landmarks.insert(landmarks.end(), keyframe.landmarks.begin(), keyframe.landmarks.end());
+  SessionTable sessions = sessions_of(landmarks, share.corrected);
+  const auto add = [&](const NodeId& id) {
+    expect_sound(id.session);
+    sessions.add(id.session);
+  };
+  for (const SharedKeyframe& keyframe : share.keyframes) add(keyframe.id);
+  for (const NodeId& id : share.dropped) add(id);
+  sessions.sort();
+  return sessions;
+}
+
+bool is_scale(double scale) { return std::isfinite(scale) && scale > 0.0; }
+
+std::string flaw_of(const KeyframeFeatures& features) {
+  return flaw(Node{{}, {}, {}, std::make_shared<const Payload>(features)});
+}
+
 MapId map_name(const std::string& name, const FormReader& reader) {
   if (name.empty()) reader.corrupt("it names no map");
   return MapId(reader.name_or_nothing(name, "map"));
@@ -83,6 +106,60 @@ std::vector<DescribedLandmark> landmarks_of(const Repeated& forms, const FormRea
   landmarks.reserve(static_cast<std::size_t>(forms.size()));
   for (const auto& form : forms) landmarks.push_back(reader.shared_landmark(form));
   return landmarks;
+}
+
+form::SharedKeyframe form_of(const SharedKeyframe& keyframe, const SessionTable& sessions) {
+  expect_sound(keyframe.map_from_camera);
+  MAPWEAVE_EXPECT(is_scale(keyframe.scale), "a scale is a positive number");
+  MAPWEAVE_EXPECT(keyframe.landmarks.size() <= kMostLandmarksOfKeyframe, "a shared keyframe has few landmarks");
+  form::SharedKeyframe form;
+  *form.mutable_id() = form_of(keyframe.id, sessions);
+  *form.mutable_map_from_camera() = form_of(keyframe.map_from_camera);
+  if (keyframe.scale != 1.0) form.set_scale(keyframe.scale);
+  if (keyframe.features) {
+    MAPWEAVE_EXPECT(keyframe.features->geometry != nullptr, "a picture has a camera");
+    *form.mutable_camera() = form_of(*keyframe.features->geometry);
+    Geometries geometries;
+    geometries.cameras.add(keyframe.features->geometry);
+    *form.mutable_features() = form_of(*keyframe.features, geometries);
+  }
+  fill_landmarks(*form.mutable_landmarks(), keyframe.landmarks, sessions);
+  return form;
+}
+
+SharedKeyframe shared_keyframe_of(const form::SharedKeyframe& form, const FormReader& reader,
+                                  const std::string& where) {
+  SharedKeyframe keyframe;
+  keyframe.id = reader.node_id(form.id());
+  keyframe.map_from_camera = reader.pose(form.map_from_camera());
+  if (form.scale() != 0.0) keyframe.scale = form.scale();
+  if (!is_scale(keyframe.scale)) reader.corrupt("a scale is not a positive number");
+  if (form.has_camera() != form.has_features())
+    reader.corrupt("a shared keyframe has a camera and features, or neither");
+  if (form.has_features()) {
+    FormReader of_features(where);
+    of_features.take_camera(form.camera());
+    keyframe.features = of_features.keyframe(form.features());
+    if (const std::string problem = flaw_of(*keyframe.features); !problem.empty()) reader.corrupt(problem);
+  }
+  if (static_cast<std::size_t>(form.landmarks_size()) > kMostLandmarksOfKeyframe)
+    reader.corrupt("a shared keyframe with " + std::to_string(form.landmarks_size()) + " landmarks; at most " +
+                   std::to_string(kMostLandmarksOfKeyframe) + " are expected");
+  keyframe.landmarks = landmarks_of(form.landmarks(), reader);
+  return keyframe;
+}
+
+void take_keyframes(const form::Share& form, const FormReader& reader, const std::string& where, Share& share) {
+  for (const int count : {form.keyframes_size(), form.dropped_size()})
+    if (static_cast<std::size_t>(count) > kMostSharedKeyframes)
+      reader.corrupt("a share of " + std::to_string(count) + " keyframes; at most " +
+                     std::to_string(kMostSharedKeyframes) + " are expected");
+  std::set<NodeId> named;
+  for (const auto& one : form.keyframes()) {
+    share.keyframes.push_back(shared_keyframe_of(one, reader, where));
+    if (!named.insert(share.keyframes.back().id).second) reader.corrupt("a keyframe is shared twice");
+  }
+  for (const auto& id : form.dropped()) share.dropped.push_back(reader.node_id(id));
 }
 
 }  // namespace
@@ -138,6 +215,7 @@ std::string encode(const ClientView& view) {
   content.set_stamp_ns(view.stamp.ns);
   *content.mutable_map_from_robot() = form_of(view.map_from_robot);
   content.set_forgotten(view.forgotten);
+  content.set_room(view.room);
   return written(form);
 }
 
@@ -168,14 +246,18 @@ std::string encode(const PlaceAnswer& answer) {
 
 std::string encode(const Share& share) {
   expect_sound_name(share.map);
-  MAPWEAVE_EXPECT(std::isfinite(share.scale) && share.scale > 0.0, "a scale is a positive number");
-  const SessionTable sessions = sessions_of(share.landmarks, share.corrected);
+  MAPWEAVE_EXPECT(is_scale(share.scale), "a scale is a positive number");
+  MAPWEAVE_EXPECT(std::max(share.keyframes.size(), share.dropped.size()) <= kMostSharedKeyframes,
+                  "a share has a bounded number of keyframes");
+  const SessionTable sessions = sessions_of(share);
   form::Exchange form;
   auto& content = *form.mutable_share();
   content.set_map(share.map.str());
   fill_landmarks(*content.mutable_landmarks(), share.landmarks, sessions);
   for (const MovedNode& moved : share.corrected) *content.add_corrected() = form_of(moved, sessions);
   if (share.scale != 1.0) content.set_scale(share.scale);
+  for (const SharedKeyframe& keyframe : share.keyframes) *content.add_keyframes() = form_of(keyframe, sessions);
+  for (const NodeId& id : share.dropped) *content.add_dropped() = form_of(id, sessions);
   return written(form, sessions);
 }
 
@@ -217,7 +299,8 @@ ClientView decode_client_view(std::string_view bytes, const std::string& where) 
   return {map_name(form.view().map(), reader),
           {form.view().stamp_ns()},
           reader.pose(form.view().map_from_robot()),
-          form.view().forgotten()};
+          form.view().forgotten(),
+          form.view().room()};
 }
 
 PlaceRequest decode_place_request(std::string_view bytes, const std::string& where) {
@@ -225,9 +308,7 @@ PlaceRequest decode_place_request(std::string_view bytes, const std::string& whe
   const auto form = read_exchange(bytes, reader, where, form::Exchange::kPlaceRequest);
   reader.take_camera(form.place_request().camera());
   PlaceRequest request{{form.place_request().stamp_ns()}, reader.keyframe(form.place_request().features())};
-  if (const std::string problem = flaw(Node{{}, {}, {}, std::make_shared<const Payload>(request.features)});
-      !problem.empty())
-    reader.corrupt(problem);
+  if (const std::string problem = flaw_of(request.features); !problem.empty()) reader.corrupt(problem);
   return request;
 }
 
@@ -249,7 +330,8 @@ Share decode_share(std::string_view bytes, const std::string& where) {
   share.landmarks = landmarks_of(form.share().landmarks(), reader);
   for (const auto& moved : form.share().corrected()) share.corrected.push_back(reader.moved(moved));
   if (form.share().scale() != 0.0) share.scale = form.share().scale();
-  if (!(std::isfinite(share.scale) && share.scale > 0.0)) reader.corrupt("a scale is not a positive number");
+  if (!is_scale(share.scale)) reader.corrupt("a scale is not a positive number");
+  take_keyframes(form.share(), reader, where, share);
   return share;
 }
 

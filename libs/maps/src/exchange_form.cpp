@@ -4,18 +4,19 @@ namespace mapweave {
 namespace {
 
 // 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units, 5 nothing of tiers but
-// reports, 6 no floats.
-constexpr std::uint32_t kVersion = 7, kTierVersion = 6, kSweepVersion = 5, kReportVersion = 4, kSensedVersion = 3,
-                        kDenseVersion = 2;
+// reports, 6 no floats, 7 no keyframes that are shared.
+constexpr std::uint32_t kVersion = 8, kFloatVersion = 7, kTierVersion = 6, kSweepVersion = 5, kReportVersion = 4,
+                        kSensedVersion = 3, kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr std::size_t kMostMergedBytes = std::size_t{1} << 30;  // of what holds the constraints of a team, as an update
 
 std::uint32_t version_of(const form::Exchange& form) {
   switch (form.content_case()) {
     case form::Exchange::kHello:
-    case form::Exchange::kView:
-    case form::Exchange::kPlaceAnswer:
-    case form::Exchange::kShare: return 1;
+    case form::Exchange::kPlaceAnswer: return 1;
+    case form::Exchange::kView: return form.view().room() == 0 ? 1 : kVersion;
+    case form::Exchange::kShare:
+      return form.share().keyframes().empty() && form.share().dropped().empty() ? 1 : kVersion;
     case form::Exchange::kPlaceRequest: return form.place_request().features().dense().empty() ? 1 : kDenseVersion;
     case form::Exchange::kSensed: {
       const auto& geometry = form.sensed().geometry();
@@ -23,7 +24,7 @@ std::uint32_t version_of(const form::Exchange& form) {
       return sweeps || form.sensed().has_inertial_yaw_rad() ? kSweepVersion : kSensedVersion;
     }
     case form::Exchange::kMapReport: return kReportVersion;
-    case form::Exchange::kMergedMaps: return kVersion;
+    case form::Exchange::kMergedMaps: return kFloatVersion;
     default: return kTierVersion;
   }
 }

@@ -105,8 +105,10 @@ class Camera {
     report_.sessions = sessions.size();
     report_.keyframes = client_->keyframes().size();
     report_.landmarks = client_->landmarks().size();
-    for (const visual::ClosedLoop& loop : client_->loops())
+    for (const visual::ClosedLoop& loop : client_->loops()) {
       report_.loops.push_back({seconds_between(first_, loop.found), seconds_between(first_, loop.applied)});
+      report_.loops_on_shared += loop.on_shared.has_value();
+    }
     report_.readout_s = client_->sensor().readout_s;
     report_.inverse_depth_offset = client_->sensor().inverse_depth_offset;
     const auto mean_ms = [](const std::vector<double>& seconds) {
@@ -199,6 +201,14 @@ std::optional<std::string> note_on_forgetting(const PlannedRobot& robot, const C
   return begin + "; its map server kept " + std::to_string(report.kept) + " of them, which the map holds";
 }
 
+// That it had no room for all that others shared; nothing where it had.
+std::optional<std::string> note_on_dropping(const PlannedRobot& robot, const CameraReport& report, int most) {
+  if (report.dropped_shared == 0) return std::nullopt;
+  return "robot " + robot.id.str() + ": camera '" + report.label + "' had room for " + std::to_string(most) +
+         " keyframes of others (visual.memory.shared_keyframes) and dropped the farthest, " +
+         std::to_string(report.dropped_shared) + " times one; allow more, so that it goes on longer without its server";
+}
+
 // Why nothing was mapped.
 Error nothing_tracked(const PlannedRobot& robot, const std::deque<Camera>& cameras) {
   for (const Camera& camera : cameras) {
@@ -245,7 +255,7 @@ struct CameraTask::State {
   rig::RigOptions rig;
   bool keep_going = false;
   bool has_server = false;
-  int most_keyframes = 0;  // of a camera
+  visual::MemoryOptions memory;  // of a camera
   std::deque<Camera> cameras;
   UnitNotes units;
   std::unique_ptr<rawlog::ObservationStream> log;
@@ -286,7 +296,7 @@ CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& config
   state_->rig = configuration.rig;
   state_->keep_going = keep_going;
   state_->has_server = configuration.server.share != tiers::Sharing::none;
-  state_->most_keyframes = configuration.visual.client.memory.keyframes;
+  state_->memory = configuration.visual.client.memory;
   for (const ChosenCamera& camera : robot.sensors.cameras)
     state_->cameras.emplace_back(camera, configuration.visual, configuration.seed);
   state_->guarded([&] {
@@ -356,9 +366,12 @@ CamerasOutcome CameraTask::finish() {
                          outcome.odometry.end());
   outcome.wheels = std::move(state.wheels);
   outcome.doubts = state.units.notes();
-  for (const CameraResult& camera : outcome.cameras)
-    if (auto note = note_on_forgetting(state.robot, camera.report, state.most_keyframes, state.has_server))
+  for (const CameraResult& camera : outcome.cameras) {
+    if (auto note = note_on_forgetting(state.robot, camera.report, state.memory.keyframes, state.has_server))
       outcome.doubts.push_back(std::move(*note));
+    if (auto note = note_on_dropping(state.robot, camera.report, state.memory.shared_keyframes))
+      outcome.doubts.push_back(std::move(*note));
+  }
   outcome.maps = merged_rig(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
   outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;

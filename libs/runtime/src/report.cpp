@@ -251,6 +251,11 @@ Json camera_json(const CameraReport& camera) {
     json["forgotten_keyframes"] = camera.forgotten;
     json["kept_keyframes"] = camera.kept;
   }
+  if (camera.shared_keyframes > 0)
+    json["shared_keyframes"] = {{"kept", camera.shared_keyframes},
+                                {"dropped", camera.dropped_shared},
+                                {"found_again", camera.found_by_shared},
+                                {"loops", camera.loops_on_shared}};
   return json;
 }
 

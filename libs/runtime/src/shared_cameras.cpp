@@ -78,6 +78,9 @@ class Link {
   void count() {
     report_->sent_bytes = agent_.sent_bytes();
     report_->received_bytes = agent_.received_bytes();
+    report_->shared_keyframes = std::max(report_->shared_keyframes, std::uint64_t{client_->shared_keyframes().size()});
+    report_->dropped_shared = client_->dropped_shared();
+    report_->found_by_shared = client_->found_by_shared();
     report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
   }
 
@@ -214,8 +217,10 @@ std::optional<std::string> note_on_sharing(const RunConfiguration& configuration
     most_cameras = std::max(most_cameras, cameras);
     all_cameras += cameras;
   }
-  const std::string option =
-      configuration.server.share == tiers::Sharing::view ? "server.share=view" : "server.share=full";
+  const tiers::Sharing share = configuration.server.share;
+  const std::string option = std::string("server.share=") + (share == tiers::Sharing::view   ? "view"
+                                                             : share == tiers::Sharing::full ? "full"
+                                                                                             : "global");
   if (robots.empty()) return option + " has no effect: no robot of an edge maps with cameras";
   if (all_cameras < 2 && !shares_alone)
     return option + " has no effect: there is only one camera, and it had room for all that it mapped";

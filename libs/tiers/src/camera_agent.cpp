@@ -132,6 +132,8 @@ void CameraAgent::receive_share(visual::VisualClient& client, std::string_view b
   if (!session) return;
   if (!share.corrected.empty()) client.correct(place_, *session, share.corrected, share.scale);
   client.borrow(place_, *session, share.landmarks);
+  if (!share.keyframes.empty() || !share.dropped.empty())
+    client.keep_shared(place_, *session, share.keyframes, share.dropped);
 }
 
 visual::PlaceVerdict CameraAgent::receive_place(visual::VisualClient& client, std::string_view bytes) {

@@ -20,6 +20,14 @@ constexpr double kLandmarkBytes = 70.0;   // on the wire, about
 
 }  // namespace
 
+// Whether the client has it with its keyframe.
+bool VisualServer::State::holds(const Client::Part& part, const TeamView::Member& member, const LandmarkId& id) {
+  if (part.keyframes.empty()) return false;
+  const Landmark* landmark = member.component->content().map.landmarks.find(id);
+  const auto keyframe = landmark == nullptr ? part.keyframes.end() : part.keyframes.find(landmark->anchor);
+  return keyframe != part.keyframes.end() && keyframe->second.landmarks.count(id) != 0;
+}
+
 std::size_t landmarks_within(const ByteAllowance& downlink) {
   return static_cast<std::size_t>(std::max(0.0, downlink.bytes()) / kLandmarkBytes);
 }
@@ -69,12 +77,18 @@ bool VisualServer::State::has_scale_of_others(const Client& client) const {
   });
 }
 
-void VisualServer::State::note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
-  if (std::exchange(part.owners_by, views) == views) return;
+std::set<SessionId> VisualServer::State::sessions_not_shared(const SessionId& to,
+                                                             const TeamView::Member& member) const {
   std::set<SessionId> not_shared{to};
   // A camera that measures its scale would come to rest on the scale that a rig camera has from itself.
   for (const Entry* rig_camera : rig_cameras(to.client))
     if (member.scale == 1.0 && has_scale_of_others(rig_camera->second)) not_shared.insert(rig_camera->first);
+  return not_shared;
+}
+
+void VisualServer::State::note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
+  if (std::exchange(part.owners_by, views) == views) return;
+  const std::set<SessionId> not_shared = sessions_not_shared(to, member);
   part.owner_of_session.clear();
   for (const SessionId& session : member.component->landmarks().sessions())
     part.owner_of_session.push_back(not_shared.count(session) != 0
@@ -127,7 +141,9 @@ std::vector<DescribedLandmark> VisualServer::State::landmarks_for(Client::Part& 
           static_cast<double>(held->resent_m))
         continue;
     }
-    DescribedLandmark here = matching::transformed(index->landmark(seen), map_from_team);
+    const DescribedLandmark& landmark = index->landmark(seen);
+    if (holds(part, member, landmark.id)) continue;
+    DescribedLandmark here = matching::transformed(landmark, map_from_team);
     if (matching::flaw(here).empty()) {
       shared.push_back(std::move(here));
       keys.push_back(key);
@@ -177,6 +193,21 @@ void VisualServer::State::correct(Client::Part& part, const TeamView::Member& me
     share.scale = member.scale;
 }
 
+VisualServer::State::Receiver VisualServer::State::receiver(const SessionId& to, const ClientView& client_view,
+                                                            const TeamView::Member& member, const Node& near) {
+  const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member);
+  return {to, member,
+          carried(team_from_map, client_view.map_from_robot, keyframe_of(near)->geometry->robot_from_camera).t,
+          client_view.room};
+}
+
+VisualServer::State::Budget VisualServer::State::budget(const Client& client, const Share& so_far) const {
+  constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+  if (options.most_bytes_per_s <= 0.0) return {kNoLimit, kNoLimit};
+  const double bytes = client.downlink.bytes() - static_cast<double>(encode(so_far).size());
+  return {bytes, ByteAllowance::kBurst_s * options.most_bytes_per_s};
+}
+
 std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& client_view) {
   State& state = *state_;
   Client& client = state.client(to);
@@ -201,14 +232,19 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   share.map = client_view.map;
   const bool is_limited = state.options.most_bytes_per_s > 0.0;
   client.downlink.wait_until(client_view.stamp, state.options.most_bytes_per_s);
-  if (!is_alone && state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0))
+  const bool is_global = state.options.share == Sharing::global;
+  if (!is_alone && (is_global || state.options.share == Sharing::full) &&
+      (!is_limited || client.downlink.bytes() > 0.0))
     state.correct(part, *member, share);
   // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())
     share.landmarks =
         state.landmarks_for(part, to, client_view, *member, *near,
                             is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max());
-  if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
+  if (is_global && !is_alone && share.corrected.empty())
+    state.add_keyframes(part, state.receiver(to, client_view, *member, *near), state.budget(client, share), share);
+  if (share.corrected.empty() && share.landmarks.empty() && share.keyframes.empty() && share.dropped.empty())
+    return std::nullopt;
   if (is_limited) client.downlink.spend(encode(share).size());
   return share;
 }

@@ -33,6 +33,14 @@ std::vector<T> thinned(std::vector<T> all, std::size_t count) {
   return all;
 }
 
+// A keyframe of others that a client was sent.
+struct SentKeyframe {
+  Pose3 map_from_camera;
+  double scale = 1.0;
+  std::uint64_t by = 0;                             // the view that it was looked up in last
+  std::map<LandmarkId, Eigen::Vector3d> landmarks;  // in the camera's frame
+};
+
 struct VisualServer::Client {
   static constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
   static constexpr std::size_t kMostViews = 8;
@@ -48,6 +56,8 @@ struct VisualServer::Client {
     std::uint64_t owners_by = 0;  // the view
     std::uint32_t forgotten = 0;
     std::uint32_t shares = 0;
+    std::map<NodeId, SentKeyframe> keyframes = {};  // of others, that the client keeps
+    std::uint32_t keyframe_shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
     std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
     std::vector<std::uint64_t> shelved = {};  // what was taken out of the map, by its numbers on the shelf
@@ -187,6 +197,42 @@ struct VisualServer::State {
                                            const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_rig_camera(const SessionId& camera, Stamp when, const TeamView& team) const;
+  // Whose landmarks and keyframes a client does not receive.
+  std::set<SessionId> sessions_not_shared(const SessionId& to, const TeamView::Member& member) const;
+  // Of a client that receives keyframes of others: where it is, and how many it keeps; 0: it has not said.
+  struct Receiver {
+    const SessionId& session;
+    const TeamView::Member& member;
+    Eigen::Vector3d in_team;
+    std::size_t room = 0;
+  };
+  struct NearKeyframe {
+    double apart_m;
+    const Node* node;  // in the team
+    double scale;      // of the team, in units of its features' depths
+  };
+  std::vector<NearKeyframe> nearest_of_others(const Client::Part& part, const Receiver& to) const;
+  // A keyframe of others in a client's map, as the client's keyframe nearest to it says.
+  struct KeyframeInMap {
+    Pose3 map_from_camera;
+    double scale;
+    Sim3 map_from_team;
+  };
+  static std::optional<KeyframeInMap> in_map_of(const Client::Part& part, const TeamView::Member& member,
+                                                const NearKeyframe& one);
+  static std::vector<DescribedLandmark> new_landmarks_of(const SentKeyframe& sent, const Receiver& to,
+                                                         const NodeId& keyframe, const KeyframeInMap& here);
+  void note_sent(SentKeyframe& sent, const SharedKeyframe& shared) const;
+  // What a share may still hold; `burst`: what is saved up at most.
+  struct Budget {
+    double bytes, burst;
+  };
+  Budget budget(const Client& client, const Share& so_far) const;
+  static Receiver receiver(const SessionId& to, const ClientView& client_view, const TeamView::Member& member,
+                           const Node& near);
+  static bool holds(const Client::Part& part, const TeamView::Member& member, const LandmarkId& id);
+  // Which keyframes the client may drop, what of those it has moved, and the nearest ones that it lacks.
+  void add_keyframes(Client::Part& part, const Receiver& to, const Budget& budget, Share& share) const;
   void note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
   // What there is of landmarks in view that it does not have, with their keys in SharedLandmarkTable.
   struct Offer {

@@ -72,6 +72,15 @@ const matching::LandmarkIndex& TeamView::Component::landmarks() const {
   return *landmarks_;
 }
 
+const std::vector<LandmarkId>& TeamView::Component::landmarks_of(const NodeId& keyframe) const {
+  std::call_once(has_anchored_, [&] {
+    for (const auto& [id, landmark] : content_.map.landmarks) anchored_[landmark.anchor].push_back(id);
+  });
+  static const std::vector<LandmarkId> none;
+  const auto found = anchored_.find(keyframe);
+  return found == anchored_.end() ? none : found->second;
+}
+
 const fusion::PlaceFinder& TeamView::Component::places(const matching::ChosenVocabulary& vocabulary,
                                                        WorkerPool& pool) const {
   std::call_once(has_places_, [&] { places_.emplace(content_.map, vocabulary, *making_.pictures, pool); });

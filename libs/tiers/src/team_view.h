@@ -37,15 +37,18 @@ class TeamView {
     // Of those, what the clients that made it have forgotten; null where that is nothing.
     void make_forgotten(WorkerPool& pool);
     const matching::LandmarkIndex* forgotten() const { return forgotten_ ? &*forgotten_ : nullptr; }
+    // Of the landmarks, those that hang on a keyframe; by id.
+    const std::vector<LandmarkId>& landmarks_of(const NodeId& keyframe) const;
     const fusion::PlaceFinder& places(const matching::ChosenVocabulary& vocabulary, WorkerPool& pool) const;
 
    private:
     const fusion::Component& content_;
     const Making& making_;
-    mutable std::once_flag has_landmarks_, has_places_;
+    mutable std::once_flag has_landmarks_, has_places_, has_anchored_;
     mutable std::optional<matching::LandmarkIndex> landmarks_;
     std::optional<matching::LandmarkIndex> forgotten_;
     mutable std::optional<fusion::PlaceFinder> places_;
+    mutable std::map<NodeId, std::vector<LandmarkId>> anchored_;
   };
   const std::deque<Component>& components() const { return components_; }
   const fusion::FusionResult& result() const { return result_; }
@@ -62,6 +65,7 @@ class TeamView {
     std::vector<Placed> nodes;  // of those that the team has
   };
   const Member* member(const MapId& map) const;
+  const std::map<MapId, Member>& members() const { return members_; }
 
  private:
   fusion::FusionResult result_;

@@ -277,6 +277,7 @@ void VisualServer::leave(const SessionId& session) {
   for (auto one = parts.begin(); one != parts.end();) {
     auto& [client_map, part] = *one;
     part.shared.clear();
+    part.keyframes.clear();
     part.inbox.drop_waiting();
     if (part.inbox.receipt().stored > 0) {
       ++one;

@@ -1,5 +1,6 @@
 #include "input/sensor_notes.h"
 #include "loops/loop_closing.h"
+#include "loops/shared_loops.h"
 #include "mapping/local_mapper.h"
 #include "mapping/map_report.h"
 #include "pictures/detector.h"
@@ -22,14 +23,22 @@ struct VisualClient::State {
   LocalMapper mapper;
   LoopClosing loops;
   BorrowedLandmarks borrowed;
+  SharedKeyframes shared;
+  SharedLoopDetector shared_loops;
   PlaceExchange exchange;
   std::optional<MapPublisher> publisher;
   SensorNotes notes;
   std::optional<Stamp> begun;
   int sessions_begun = 0;
+  std::size_t found_by_shared = 0;
 
   State(const ClientOptions& given, const std::optional<matching::BinaryVocabulary>& vocabulary)
-      : options(given), tracker(given), mapper(given), loops(vocabulary, given) {}
+      : options(given),
+        tracker(given),
+        mapper(given),
+        loops(vocabulary, given),
+        shared(vocabulary, given),
+        shared_loops(given) {}
 
   Tracked add(const FeatureFrame& frame) {
     Frame bare;
@@ -47,7 +56,10 @@ struct VisualClient::State {
     if (loops.is_due(frame.stamp)) apply_loop_correction(frame.stamp);
     if (!tracker.has_begun()) return begin_first(frame, std::move(picture));
     const std::optional<Attempt> attempt = track(frame, picture);
-    if (!attempt) return lost(frame, std::move(picture));
+    if (!attempt) {
+      const auto found = find_by_shared(frame, picture);
+      return found ? *found : lost(frame, std::move(picture));
+    }
     const PosedFrame posed = posed_here(frame, picture, attempt->motion);
     tracker.add_matches(mapper.learn_depths(map, posed, tracker.place().matches));
     const bool is_keyframe = tracker.is_keyframe_due(map);
@@ -80,7 +92,11 @@ struct VisualClient::State {
     return attempt;
   }
 
+  // By what others mapped, whether or not a server is there.
+  std::optional<Tracked> find_by_shared(const Frame& frame, const Pyramid& picture);
+
   void make_keyframe(const PosedFrame& frame) {
+    borrow_shared(frame.session, frame.view);
     TrackedPlace place = tracker.place();
     place.reference = add_keyframe(map, frame, tracker.dynamic_outliers(), place.matches, options);
     borrowed.look_in_keyframe(map, place.reference, frame, place.matches, options.tracking);
@@ -96,9 +112,13 @@ struct VisualClient::State {
 
   void close_loop(const PosedFrame& frame) {
     auto loop = loops.look(map, tracker.place().reference, frame.picture, frame.motion);
+    if (!loop && !loops.is_pending())
+      loop = shared_loops.look(map, shared, tracker.place().reference, frame.picture, repeats_m());
     if (!loop) return;
-    if (const int other = map.keyframe(loop->earlier).session; other != tracker.place().session) {
+    const int other = loop->fixed ? tracker.place().session : map.keyframe(loop->earlier).session;
+    if (other != tracker.place().session) {
       for (int session : {tracker.place().session, other}) forget_borrowed(session);
+      shared.forget(std::max(tracker.place().session, other));
       map.drop_reanchored(std::max(tracker.place().session, other));
       join_sessions(map, *loop);
       tracker.join(map.keyframe(tracker.place().reference).session);
@@ -108,8 +128,34 @@ struct VisualClient::State {
 
   void apply_loop_correction(Stamp now) {
     forget_borrowed(tracker.place().session);  // its map changes under them
-    tracker.carry(map, [&] { return loops.apply(map, now); });
+    const bool shared_move = !loops.is_on_shared();
+    tracker.carry(map, [&] {
+      const auto apply = [&] { return loops.apply(map, now); };
+      return shared_move ? with_shared(apply) : apply();
+    });
   }
+
+  double repeats_m() const { return loops.places() != nullptr ? loops.places()->repeats_m() : kUnique_m; }
+
+  // What others made moves along with the map that it was placed in.
+  template <class Move>
+  std::vector<double> with_shared(const Move& move) {
+    if (shared.empty()) return move();
+    std::vector<View> before;
+    for (const Keyframe& keyframe : map.keyframes) before.push_back(keyframe.view);
+    const std::vector<double> scales = move();
+    shared.follow(map, before, scales);
+    return scales;
+  }
+
+  void borrow_shared(int session, const View& view) {
+    if (shared.empty()) return;
+    borrowed.receive(map, session, shared.in_view(session, view, map.camera));
+    tracker.drop_what_is_gone(map);
+  }
+
+  int keep_shared(const ClientPlace& place, int session, std::vector<SharedKeyframe> keyframes,
+                  const std::vector<NodeId>& dropped);
 
   void forget_borrowed(int session) {
     borrowed.forget(map, session);
@@ -189,44 +235,89 @@ struct VisualClient::State {
     const auto motions = motions_to(map, session, {place.client, begun->ns}, corrected, place.robot_from_camera, scale);
     if (motions.empty()) return false;
     forget_borrowed(session);
+    const auto move = [&] { return with_shared([&] { return move_keyframes(map, session, motions); }); };
     if (session == tracker.place().session)
-      tracker.carry(map, [&] { return move_keyframes(map, session, motions); });
+      tracker.carry(map, move);
     else
-      move_keyframes(map, session, motions);
+      move();
     return true;
   }
 
-  PlaceVerdict place_at(const ClientPlace& place, const PlaceAnswer& answer) {
-    if (tracker.has_place()) return PlaceVerdict::placed;
-    const auto asked = exchange.take(answer.stamp);
-    if (!asked) return PlaceVerdict::not_asked;
-    const auto own = session_of(place.client, answer.map);
-    const bool begins = !own;
-    const int session = own.value_or(sessions_begun);
-    if (!is_finite(answer.map_from_robot) || std::abs(answer.map_from_robot.q.norm() - 1.0) > 1e-6 ||
-        answer.landmarks.empty() || !(begins || has_session(session)))
-      return PlaceVerdict::unsound;
-    const Pose3 map_from_camera =
-        compose(compose(inverse(place.robot_from_camera), answer.map_from_robot), place.robot_from_camera);
-    receive(place, session, answer.landmarks);
-    auto checked = check_place(map, borrowed, session, *asked, view_of(map_from_camera), options.tracking);
-    if (!checked) {
-      if (begins) borrowed.drop(map, session);
-      return PlaceVerdict::disagrees;
-    }
-    const Stamp newest = tracker.lost_stamp();
-    map.monocular = map.monocular || (!asked->frame.shows_depth() && !asked->picture.features);
-    const PosedFrame posed{asked->frame, asked->picture, session, checked->view, Motion(), tracker.driven()};
-    const int keyframe = add_keyframe(map, posed, {}, checked->matches, options);
-    if (begins) map.reanchored.push_back({session, answer.map});
+  PlaceVerdict place_at(const ClientPlace& place, const PlaceAnswer& answer);
+
+  // The frame becomes a keyframe that nothing led to.
+  Tracked stand(const UnplacedFrame& frame, int session, CheckedPlace place) {
+    const PosedFrame posed{frame.frame, frame.picture, session, place.view, Motion(), tracker.driven()};
+    const int keyframe = add_keyframe(map, posed, {}, place.matches, options);
     loops.add(map, keyframe);
     mapper.forget_beginning();
-    begin_at(keyframe, std::move(checked->matches), asked->frame.stamp, asked->picture);
-    kept(true);
-    if (asked->frame.stamp < newest) tracker.lose_since(newest);
-    return PlaceVerdict::taken;
+    begin_at(keyframe, std::move(place.matches), frame.frame.stamp, frame.picture);
+    return kept(true);
   }
 };
+
+PlaceVerdict VisualClient::State::place_at(const ClientPlace& place, const PlaceAnswer& answer) {
+  if (tracker.has_place()) return PlaceVerdict::placed;
+  const auto asked = exchange.take(answer.stamp);
+  if (!asked) return PlaceVerdict::not_asked;
+  const auto own = session_of(place.client, answer.map);
+  const bool begins = !own;
+  const int session = own.value_or(sessions_begun);
+  if (!is_finite(answer.map_from_robot) || std::abs(answer.map_from_robot.q.norm() - 1.0) > 1e-6 ||
+      answer.landmarks.empty() || !(begins || has_session(session)))
+    return PlaceVerdict::unsound;
+  const Pose3 map_from_camera =
+      compose(compose(inverse(place.robot_from_camera), answer.map_from_robot), place.robot_from_camera);
+  receive(place, session, answer.landmarks);
+  auto checked = check_place(map, borrowed, session, *asked, view_of(map_from_camera), options.tracking);
+  if (!checked) {
+    if (begins) borrowed.drop(map, session);
+    return PlaceVerdict::disagrees;
+  }
+  const Stamp newest = tracker.lost_stamp();
+  map.monocular = map.monocular || (!asked->frame.shows_depth() && !asked->picture.features);
+  stand(*asked, session, std::move(*checked));
+  if (begins) map.reanchored.push_back({session, answer.map});
+  if (asked->frame.stamp < newest) tracker.lose_since(newest);
+  return PlaceVerdict::taken;
+}
+
+std::optional<Tracked> VisualClient::State::find_by_shared(const Frame& frame, const Pyramid& picture) {
+  constexpr std::size_t kJudged = 2;  // of those that look most alike: bounds time
+  if (shared.empty()) return std::nullopt;
+  const UnplacedFrame lost_frame{
+      frame, picture,
+      picture.features ? picture.features->features() : features_of(picture, options.tracking.features)};
+  JudgedPlace here;
+  here.add({}, map.camera, View(), lost_frame.features, {});
+  for (const NodeId& id : shared.alike(std::nullopt, lost_frame.features, kJudged)) {
+    const auto found = shared.judged(id, here);
+    if (!found || !has_session(found->session) ||
+        !tracker.may_have_come_to(map, found->view, found->session, frame.stamp, repeats_m()))
+      continue;
+    borrow_shared(found->session, found->view);
+    auto checked = check_place(map, borrowed, found->session, lost_frame, found->view, options.tracking);
+    if (!checked) continue;
+    ++found_by_shared;
+    return stand(lost_frame, found->session, std::move(*checked));
+  }
+  return std::nullopt;
+}
+
+int VisualClient::State::keep_shared(const ClientPlace& place, int session, std::vector<SharedKeyframe> keyframes,
+                                     const std::vector<NodeId>& dropped) {
+  shared.drop(dropped);
+  if (!has_session(session)) return 0;
+  const Pose3 camera_from_robot = inverse(place.robot_from_camera);
+  keyframes.erase(std::remove_if(keyframes.begin(), keyframes.end(), [](const auto& one) { return !is_sound(one); }),
+                  keyframes.end());
+  for (SharedKeyframe& one : keyframes) {
+    one.map_from_camera = compose(camera_from_robot, one.map_from_camera);
+    for (DescribedLandmark& landmark : one.landmarks)
+      landmark = matching::transformed(landmark, {camera_from_robot, 1.0});
+  }
+  return shared.receive(map, {session, {place.client, begun->ns}, tracker.place().view.centre()}, keyframes);
+}
 
 VisualClient::VisualClient(Pinhole camera, double baseline_m, ClientOptions options,
                            std::optional<matching::BinaryVocabulary> vocabulary)
@@ -303,8 +394,15 @@ std::optional<ClientView> VisualClient::view(const ClientPlace& place) const {
   const Pose3 map_from_robot =
       compose(compose(place.robot_from_camera, pose_of(tracker.place().view)), inverse(place.robot_from_camera));
   return ClientView{map_of(place.client, tracker.place().session), tracker.last_stamp(), map_from_robot,
-                    state_->borrowed.times_forgotten()};
+                    state_->borrowed.times_forgotten(), state_->shared.has_received() ? state_->shared.room() : 0};
 }
+int VisualClient::keep_shared(const ClientPlace& place, int session, const std::vector<SharedKeyframe>& keyframes,
+                              const std::vector<NodeId>& dropped) {
+  return state_->keep_shared(place, session, keyframes, dropped);
+}
+std::vector<PlacedShared> VisualClient::shared_keyframes() const { return state_->shared.placed(); }
+std::size_t VisualClient::dropped_shared() const { return state_->shared.dropped(); }
+std::size_t VisualClient::found_by_shared() const { return state_->found_by_shared; }
 std::size_t VisualClient::borrowed() const { return state_->borrowed.size(); }
 std::size_t VisualClient::borrowed_seen() const { return borrowed_of(state_->map); }
 

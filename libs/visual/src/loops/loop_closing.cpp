@@ -38,7 +38,8 @@ std::vector<double> LoopClosing::apply(LandmarkMap& map, Stamp now) {
   pending.work->run();
   const std::vector<double> scales = pending.correction->apply(map);
   see_matches(map, pending.correction->loop(), sigma_px_);
-  closed_.push_back({pending.found, now});
+  const auto& fixed = pending.correction->loop().fixed;
+  closed_.push_back({pending.found, now, fixed ? std::optional(fixed->keyframe) : std::nullopt});
   return scales;
 }
 

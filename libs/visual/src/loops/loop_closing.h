@@ -29,6 +29,8 @@ class LoopClosing {
   void begin(const LandmarkMap& map, FoundLoop loop, Stamp now);
 
   bool is_pending() const { return pending_.has_value(); }
+  // Whether what is pending holds a keyframe of another client where it is.
+  bool is_on_shared() const { return pending_ && pending_->correction->loop().fixed; }
   bool is_due(Stamp now) const;
   std::shared_ptr<BackgroundWork> work() const { return pending_ ? pending_->work : nullptr; }
   // What is pending, computed here where nobody did. Answers by how much the scale of each keyframe grows.

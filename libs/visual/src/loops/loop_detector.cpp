@@ -1,10 +1,10 @@
 #include "loop_detector.h"
 
+#include "judged_place.h"
 #include "map_correction.h"
 
 #include <mapweave/maps/map_noise.h>
 #include <mapweave/matching/alignment_search.h>
-#include <mapweave/matching/visual_judge.h>
 
 #include <algorithm>
 #include <cmath>
@@ -24,76 +24,10 @@ constexpr double kLeastAlike = 0.3;    // of the likeness of consecutive keyfram
 constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
 constexpr int kLeastShared = kCovisibleMotion.least_shared;
 
-std::vector<int> with_covisible(const LandmarkMap& map, int number, std::size_t most) {
-  std::vector<int> result{number};
-  for (const CovisibleKeyframe& shared : most_first(covisible(map, number)))
-    if (result.size() <= most) result.push_back(shared.keyframe);
-  return result;
-}
-
-// What the judge looks at; the side's frame is the first keyframe's camera.
-struct Place {
-  std::vector<std::vector<std::int32_t>> landmark_of_feature;
-  matching::PlaceView view;
-
-  Place(const LandmarkMap& map, const std::vector<int>& keyframes) {
-    const Pinhole& pinhole = map.camera;
-    const View side_from_map = map.keyframe(keyframes.front()).view;
-    view.id.index = map.keyframe(keyframes.front()).serial;
-    view.metric = !map.monocular;
-    landmark_of_feature.reserve(keyframes.size());
-    for (int number : keyframes) {
-      const Keyframe& keyframe = map.keyframe(number);
-      const View side_from_camera = side_from_map * keyframe.view.inverse();
-      auto& of_feature = landmark_of_feature.emplace_back(keyframe.features.points.size(), -1);
-      for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
-        if (!(keyframe.depths[i] > 0.0F)) continue;
-        const matching::FeaturePoint& point = keyframe.features.points[i];
-        const Eigen::Vector3d ray = map.camera.ray({static_cast<double>(point.u_px), static_cast<double>(point.v_px)});
-        of_feature[i] = static_cast<std::int32_t>(view.landmarks.size());
-        view.landmarks.push_back(
-            {side_from_camera * (ray * static_cast<double>(keyframe.depths[i])), keyframe.features.descriptors[i]});
-      }
-      matching::KeyframeView side;
-      side.id.index = keyframe.serial;
-      side.camera = pinhole;
-      side.side_from_camera = pose_of(side_from_camera.inverse());
-      side.features = matching::view_of(keyframe.features);
-      side.landmark_of_feature = of_feature.data();
-      view.keyframes.push_back(side);
-    }
-  }
-};
-
 NodeId id_of(int keyframe) {
   NodeId id;
   id.index = static_cast<std::uint32_t>(keyframe);
   return id;
-}
-
-// Along covisibility edges, metres from one keyframe to another; infinite where nothing leads there.
-double path_between(const LandmarkMap& map, int from, int to) {
-  std::vector<std::vector<int>> neighbours(map.keyframes.size());
-  for (const CovisibilityEdge& edge : covisibility_edges(map, map.keyframe(from).session, kLeastShared)) {
-    neighbours[static_cast<std::size_t>(edge.from)].push_back(edge.to);
-    neighbours[static_cast<std::size_t>(edge.to)].push_back(edge.from);
-  }
-  std::vector<double> path(map.keyframes.size(), std::numeric_limits<double>::infinity());
-  using Entry = std::pair<double, int>;
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
-  open.emplace(path[static_cast<std::size_t>(from)] = 0.0, from);
-  while (!open.empty()) {
-    const auto [length, here] = open.top();
-    open.pop();
-    if (here == to) return length;
-    if (length > path[static_cast<std::size_t>(here)]) continue;
-    for (int next : neighbours[static_cast<std::size_t>(here)]) {
-      const double longer = length + (map.keyframe(here).view.centre() - map.keyframe(next).view.centre()).norm();
-      if (longer < path[static_cast<std::size_t>(next)])
-        open.emplace(path[static_cast<std::size_t>(next)] = longer, next);
-    }
-  }
-  return std::numeric_limits<double>::infinity();
 }
 
 // Of two sessions, the keyframes with the least time between them.
@@ -135,6 +69,30 @@ std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int ses
     if (!to_the_last) edges.push_back({order[i - 1], order[i], 0});
   }
   return edges;
+}
+
+double path_between(const LandmarkMap& map, int from, int to) {
+  std::vector<std::vector<int>> neighbours(map.keyframes.size());
+  for (const CovisibilityEdge& edge : covisibility_edges(map, map.keyframe(from).session, kLeastShared)) {
+    neighbours[static_cast<std::size_t>(edge.from)].push_back(edge.to);
+    neighbours[static_cast<std::size_t>(edge.to)].push_back(edge.from);
+  }
+  std::vector<double> path(map.keyframes.size(), std::numeric_limits<double>::infinity());
+  using Entry = std::pair<double, int>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+  open.emplace(path[static_cast<std::size_t>(from)] = 0.0, from);
+  while (!open.empty()) {
+    const auto [length, here] = open.top();
+    open.pop();
+    if (here == to) return length;
+    if (length > path[static_cast<std::size_t>(here)]) continue;
+    for (int next : neighbours[static_cast<std::size_t>(here)]) {
+      const double longer = length + (map.keyframe(here).view.centre() - map.keyframe(next).view.centre()).norm();
+      if (longer < path[static_cast<std::size_t>(next)])
+        open.emplace(path[static_cast<std::size_t>(next)] = longer, next);
+    }
+  }
+  return std::numeric_limits<double>::infinity();
 }
 
 View correction_of(const LandmarkMap& map, const FoundLoop& loop) {
@@ -238,22 +196,15 @@ VisualLoopDetector::Witnesses VisualLoopDetector::witnesses_of(const Claim& clai
 std::optional<FoundLoop> VisualLoopDetector::compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
                                                      const Motion& motion) {
   std::vector<int> among = with_covisible(map, earlier, kCovisible), here = with_covisible(map, newest, 2);
-  const Place a(map, among), b(map, here);
-  matching::VisualJudgeOptions judge;
-  judge.neighbours = 1;
-  judge.alignment.seed = options_.seed;
-  const bool in_order = a.view.id < b.view.id;
-  const Judgement judgement =
-      in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
-  if (judgement.doubt != Reason::none || judgement.probability < options_.loops.least_probability) return std::nullopt;
-  const Sim3& first_from_second = judgement.hypotheses.front().a_from_b;
-  const Sim3 earlier_from_newest = in_order ? first_from_second : inverse(first_from_second);
+  const auto earlier_from_newest = first_from_second(place_of(map, among).view, place_of(map, here).view,
+                                                     options_.loops.least_probability, options_.seed);
+  if (!earlier_from_newest) return std::nullopt;
   const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
   FoundLoop loop;
   loop.newest = newest;
   loop.earlier = earlier;
-  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose));
-  loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
+  loop.view = view_of(compose(map_from_earlier, earlier_from_newest->pose));
+  loop.scale = map.monocular ? earlier_from_newest->scale : 1.0;
   std::vector<Match> found = finder_.find(map, among, picture, loop.view, motion, options_.tracking);
   const auto is_weak = [&](const Match& match) {
     return map.landmark(match.landmark).borrowed.has_value() || !is_known(map.landmark(match.landmark));

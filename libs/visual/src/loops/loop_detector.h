@@ -13,14 +13,22 @@
 
 namespace mapweave::visual {
 
+// A keyframe that another client made and that stays where it is, and what of its landmarks the newest one shows.
+struct FixedPlace {
+  NodeId keyframe;
+  View view;
+  std::vector<Sighting> sightings;
+};
+
 struct FoundLoop {
   int newest = 0, earlier = 0;  // keyframes
   View view;                    // of the newest keyframe, as the earlier one's map says
   double scale =
       1.0;  // what is one long to the newest keyframe is so long to the earlier one; 1 where depth is measured
-  std::vector<Match> matches;          // landmarks of the earlier ones that the newest keyframe's picture shows
-  std::uint32_t serial = 0;            // of the newest keyframe
-  std::vector<std::uint32_t> serials;  // of the landmarks
+  std::vector<Match> matches;            // landmarks of the earlier ones that the newest keyframe's picture shows
+  std::uint32_t serial = 0;              // of the newest keyframe
+  std::vector<std::uint32_t> serials;    // of the landmarks
+  std::optional<FixedPlace> fixed = {};  // in place of `earlier`
 };
 
 // earlier's map from newest's map, where the two differ.
@@ -68,6 +76,9 @@ class VisualLoopDetector {
   std::deque<Claim> claims_;
   double repeats_m_ = kUnique_m;
 };
+
+// Along covisibility edges, metres from one keyframe to another; infinite where nothing leads there.
+double path_between(const LandmarkMap& map, int from, int to);
 
 // Keyframes of a session that belong together: by shared landmarks, or as neighbours in time where landmarks do not.
 struct CovisibilityEdge {

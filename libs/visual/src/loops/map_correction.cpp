@@ -12,6 +12,7 @@ namespace mapweave::visual {
 namespace {
 
 constexpr int kSharedInGraph = 30;  // shared landmarks of an edge of the essential graph
+constexpr double kHeld = 1e6;       // landmarks that would hold a keyframe of others where it is
 constexpr double kWeakEdge = 10.0;  // landmarks that neighbours in time count as at least
 // A turn by this much moves what is seen as much as a step of a metre does.
 constexpr double kTurnPerMetre = 0.3;
@@ -36,7 +37,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   }
   const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
   newest_ = static_cast<std::size_t>(view_number(loop_.newest));
-  earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
+  earlier_ = loop_.fixed ? bundle_.views.size() : static_cast<std::size_t>(view_number(loop_.earlier));
   for (const CovisibilityEdge& edge : covisibility_edges(map, session, kSharedInGraph))
     covisibility_edges_.push_back({view_number(edge.from), view_number(edge.to), edge.landmarks});
   std::vector<const Match*> in_loop(map.landmarks.size(), nullptr);
@@ -55,11 +56,21 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
     if (match != nullptr && !sees(landmark, loop_.newest))
       bundle_.sightings.push_back(bundle_sighting(static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px)));
   }
+  if (loop_.fixed) add_fixed(loop_.fixed->sightings);
   bundle_.cameras.push_back(map.camera);
   bundle_.calibration = map.calibration;
   monocular_ = map.monocular;
   stretches_ = stretches_of(map);
-  scales_.assign(bundle_.views.size(), 1.0);
+  scales_.assign(bundle_.views.size() + (loop_.fixed ? 1 : 0), 1.0);
+}
+
+void MapCorrection::add_fixed(const std::vector<Sighting>& sightings) {
+  bundle_.fixed_points.assign(bundle_.points.size(), 0);
+  for (const Sighting& sighting : sightings) {
+    bundle_.sightings.push_back(bundle_sighting(static_cast<int>(newest_), bundle_.points.size(), sighting));
+    bundle_.points.push_back(sighting.point_in_map);
+    bundle_.fixed_points.push_back(1);
+  }
 }
 
 // A single camera that turns where it stands goes on at another scale. Wheels show where that was: by keyframe, the
@@ -146,6 +157,10 @@ void MapCorrection::run() {
     add_edge(from, to, {between(poses[from], poses[to]), std::exp(stretches_[to] - stretches_[from])},
              std::max(kWeakEdge, static_cast<double>(known.landmarks)));
   }
+  if (loop_.fixed) {
+    poses.push_back(pose_of(loop_.fixed->view));
+    add_edge(fixed, earlier_, {between(poses[fixed], poses[earlier_]), 1.0}, kHeld);
+  }
   add_edge(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale},
            10.0 * static_cast<double>(loop_.matches.size()));
   constexpr int kIterations = 50;  // as graph::solve() has unless asked otherwise
@@ -165,7 +180,7 @@ void MapCorrection::run() {
     seen.inverse_depth /= scales_[seen.view];
     seen.inverse_depth_sigma /= scales_[seen.view];
   }
-  for (std::size_t i = 0; i < bundle_.points.size(); ++i) {
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     const auto anchor = static_cast<std::size_t>(anchors_[i]);
     bundle_.points[i] =
         bundle_.views[anchor].view.inverse() * (scales_[anchor] * (before[anchor].view * bundle_.points[i]));

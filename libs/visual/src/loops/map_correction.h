@@ -1,7 +1,8 @@
 #pragma once
 // A session's map is corrected after a loop, aside from tracking: on a copy, to be applied to a map that went on
 // meanwhile. First the essential graph (ORB-SLAM, section VII-C; CORB-SLAM 2.1), then bundle adjustment of all that is
-// kept.
+// kept. Where the loop was found on a keyframe that another client made, that one and its landmarks stay where they
+// are.
 
 #include "loop_detector.h"
 
@@ -25,11 +26,12 @@ class MapCorrection {
     std::uint32_t serial;
   };
   std::vector<double> stretches_of(const LandmarkMap& map) const;
+  void add_fixed(const std::vector<Sighting>& sightings);
   FoundLoop loop_;
   std::vector<Name> keyframes_, landmarks_;           // of the bundle's views and points
   std::vector<int> anchors_;                          // of the points: views
   std::vector<CovisibilityEdge> covisibility_edges_;  // of views
-  std::size_t newest_ = 0, earlier_ = 0;              // views
+  std::size_t newest_ = 0, earlier_ = 0;              // views; a fixed place is one more, after all
   graph::Bundle bundle_;
   bool monocular_ = false;
   std::vector<double> stretches_, scales_;  // of the views: as wheels have it, as it came out

@@ -43,6 +43,10 @@ std::optional<Expected> expected(const matching::DescribedLandmark& known, const
 
 }  // namespace
 
+bool is_expected(const matching::DescribedLandmark& known, const Pinhole& camera, const View& view) {
+  return expected(known, camera, view).has_value();
+}
+
 std::vector<DescribedLandmark> without_own(const std::vector<DescribedLandmark>& landmarks, const LandmarkMap& map,
                                            const SessionId& own, const Pose3& robot_from_camera) {
   const Pose3 camera_from_robot = inverse(robot_from_camera);

@@ -33,6 +33,9 @@ PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found
 std::vector<DescribedLandmark> without_own(const std::vector<DescribedLandmark>& landmarks, const LandmarkMap& map,
                                            const SessionId& own, const Pose3& robot_from_camera);
 
+// Whether a camera there should see it.
+bool is_expected(const matching::DescribedLandmark& known, const Pinhole& camera, const View& view);
+
 class BorrowedLandmarks {
  public:
   // In the frame of the session's map in memory (its first camera's). Known ones take their new place, in the map too.

@@ -53,6 +53,10 @@ class Tracker {
   Attempt find_again(LandmarkMap& map, const VisualLoopDetector* places, const Pyramid& picture, Stamp now,
                      Attempt best);
   bool is_good(const LandmarkMap& map, const Attempt& attempt) const;
+  // Whether motion since it knew its place may have led it there; repeats_m: as in `places`.
+  bool may_have_come_to(const LandmarkMap& map, const View& there, int among, Stamp now, double repeats_m) const {
+    return allowed(departure_to(map, there, among, now), repeats_m) == Allowed::yes;
+  }
 
   // The place is what the attempt says.
   void take(LandmarkMap& map, const Attempt& attempt, bool is_followed);

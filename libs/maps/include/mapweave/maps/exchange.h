@@ -40,6 +40,7 @@ struct ClientView {
   Stamp stamp;
   Pose3 map_from_robot;
   std::uint32_t forgotten = 0;  // how often it forgot all shared landmarks
+  std::uint32_t room = 0;       // keyframes of others that it keeps at most; 0: it has none yet, and does not say
 };
 
 // Client -> server: where was this taken? Of a client that has no place.
@@ -56,13 +57,27 @@ struct PlaceAnswer {
   std::vector<DescribedLandmark> landmarks;  // that it should show, in that frame
 };
 
+// A keyframe that another client made (CORB-SLAM 2.3): whole once; light afterwards, where it moves. Its landmarks move
+// along with it.
+struct SharedKeyframe {
+  NodeId id;
+  Pose3 map_from_camera;
+  double scale = 1.0;                        // of the depths of its features, in units of the map
+  std::optional<KeyframeFeatures> features;  // nothing: light, of one that was sent before
+  std::vector<DescribedLandmark> landmarks;  // that it holds: new, or moved beside it; in the map's frame
+};
+
 // Server -> client.
 struct Share {
-  MapId map;                                 // the client's, whose frame this speaks of
-  std::vector<DescribedLandmark> landmarks;  // of others, ascending by id
-  std::vector<MovedNode> corrected;          // where the team has the client's own keyframes, ascending by id
-  double scale = 1.0;                        // of `corrected`, in units of the client's map
+  MapId map;                                   // the client's, whose frame this speaks of
+  std::vector<DescribedLandmark> landmarks;    // of others, ascending by id
+  std::vector<MovedNode> corrected;            // where the team has the client's own keyframes, ascending by id
+  double scale = 1.0;                          // of `corrected`, in units of the client's map
+  std::vector<SharedKeyframe> keyframes = {};  // of others, each once
+  std::vector<NodeId> dropped = {};            // keyframes of others that it need not keep any longer
 };
+inline constexpr std::size_t kMostSharedKeyframes = 1000;      // of one share; as many are dropped
+inline constexpr std::size_t kMostLandmarksOfKeyframe = 1000;  // of one that is shared
 
 // The last word of a robot. A stream may end early; what came before it counts.
 struct StreamEnd {

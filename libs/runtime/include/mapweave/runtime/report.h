@@ -33,6 +33,8 @@ struct CameraReport {
       0;                       // of what it sent, by its edge to the cloud, and on to all other edges with cameras
   std::uint64_t borrowed = 0;  // landmarks of others that keyframes saw, at most at once
   std::uint64_t forgotten = 0, kept = 0;  // keyframes: that it had no room for; of those, that its map server kept
+  // Keyframes of others that it kept at most, and that it dropped for want of room; what it did by them itself.
+  std::uint64_t shared_keyframes = 0, dropped_shared = 0, found_by_shared = 0, loops_on_shared = 0;
   // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding
   // and rectifying.
   double tracking_mean_ms = 0.0, tracking_p99_ms = 0.0, keyframe_mean_ms = 0.0, packing_mean_ms = 0.0;

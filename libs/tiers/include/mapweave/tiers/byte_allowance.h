@@ -10,9 +10,9 @@ namespace mapweave::tiers {
 
 class ByteAllowance {
  public:
+  static constexpr double kBurst_s = 2.0;
   // Time by data; it saves up what the wire carries in two seconds, at most. An earlier stamp changes nothing.
   void wait_until(Stamp now, double bytes_per_s) {
-    constexpr double kBurst_s = 2.0;
     if (last_)
       bytes_ = std::min(bytes_ + bytes_per_s * std::max(0.0, seconds_between(*last_, now)), kBurst_s * bytes_per_s);
     if (!last_ || *last_ < now) last_ = now;

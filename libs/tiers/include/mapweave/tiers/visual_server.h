@@ -25,8 +25,8 @@
 namespace mapweave::tiers {
 
 // none: clients are kept and merged. view: they receive shared landmarks that they may see, and their places when they
-// ask. full: besides, where the team has their keyframes.
-enum class Sharing { none, view, full };
+// ask. full: besides, where the team has their keyframes. global: besides, keyframes and landmarks of the whole team.
+enum class Sharing { none, view, full, global };
 
 struct ServerOptions {
   Sharing share = Sharing::none;
@@ -48,10 +48,14 @@ struct ServerOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice(
-        "share", share, {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}},
+        "share", share,
+        {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}, {"global", Sharing::global}},
         "what the camera map server of an edge sends to its clients; none: nothing; view: landmarks of other robots "
         "that they may see, their own ones that they forgot (visual.memory.keyframes), and "
-        "relocalisation when lost; full: also corrections of their keyframes from the merged map");
+        "relocalisation when lost; full: also corrections of their keyframes from the merged map; global: also "
+        "keyframes and "
+        "landmarks of all other robots, which clients keep (visual.memory.shared_keyframes) to track, relocalise and "
+        "close loops by without the server");
     v.positive("share_rate_hz", share_rate_hz,
                "updates per second of recorded time that a client and the server exchange; larger values react faster "
                "and send more");
@@ -84,7 +88,8 @@ struct ServerOptions {
                "distance in metres (root mean square); larger values correct less often");
     v.non_negative("most_bytes_per_s", most_bytes_per_s,
                    "largest mean rate in bytes per second at which the server sends to one client; smaller values "
-                   "first share fewer landmarks, then delay corrections; larger values share more; relocalisation is "
+                   "first share fewer landmarks, then delay corrections and keyframes; larger values share more; "
+                   "relocalisation is "
                    "always answered; 0: unlimited");
     v.integer("keyframes", keyframes, 20, 10000000,
               "most keyframes of a client's map that the server holds in memory; it keeps what a client forgets "

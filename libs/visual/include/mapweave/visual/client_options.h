@@ -121,6 +121,7 @@ struct MemoryOptions {
   int redundant_views = 3;
   double found_share = 0.25;
   int frames = 500000;
+  int shared_keyframes = 300;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("keyframes", keyframes, 20, 100000,
@@ -138,6 +139,10 @@ struct MemoryOptions {
     v.integer("frames", frames, 1000, 100000000,
               "most frames of the trajectory that are kept, at 40 bytes each; beyond it every second one is dropped; "
               "larger values keep denser trajectories of long runs");
+    v.integer("shared_keyframes", shared_keyframes, 1, 100000,
+              "most keyframes of other robots that a client keeps where its server shares them (server.share=global); "
+              "beyond it, those farthest from the camera are dropped; larger values go on longer without the server "
+              "and need more memory, about 40 kB each");
   }
 };
 

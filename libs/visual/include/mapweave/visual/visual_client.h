@@ -36,7 +36,16 @@ struct PlacedFrame {
 };
 
 struct ClosedLoop {
-  Stamp found, applied;  // the frame that found it, the first frame with the corrected map
+  Stamp found, applied;                  // the frame that found it, the first frame with the corrected map
+  std::optional<NodeId> on_shared = {};  // the keyframe of another client that it was found on
+};
+
+// A keyframe that another client made and this one keeps.
+struct PlacedShared {
+  NodeId id;
+  int session = 0;        // in whose map it lies
+  Pose3 map_from_camera;  // of the camera that made it
+  std::size_t landmarks = 0;
 };
 
 struct MappedLandmark {
@@ -111,6 +120,16 @@ class VisualClient {
   // corrected after a loop. take_updates() says what keyframes saw of them (MapUpdate::borrowed). How many are kept is
   // answered: its own ones that it still has, those for a session that is not kept, and what is not sound are left out.
   int borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks);
+  // Keyframes of others with their landmarks, for a session's map (Share::keyframes), at most
+  // MemoryOptions::shared_keyframes: they are never altered but by who made them, and never published. With or without
+  // the server the client tracks by their landmarks, is found again by them, and closes loops on them, which hold them
+  // where they are; where its map is corrected otherwise they move along. How many were taken is answered: those that
+  // are its own, light ones that it does not know, and what is not sound are left out.
+  int keep_shared(const ClientPlace& place, int session, const std::vector<SharedKeyframe>& keyframes,
+                  const std::vector<NodeId>& dropped);
+  std::vector<PlacedShared> shared_keyframes() const;  // by id
+  std::size_t dropped_shared() const;                  // for want of room
+  std::size_t found_by_shared() const;                 // times that it was lost
   // Where the client is: the server shares landmarks that it may see there; nullopt while it has no place.
   std::optional<ClientView> view(const ClientPlace& place) const;
   // Where others say that a session's keyframes are, whose loops they closed (Share::corrected; `scale` as there): the
