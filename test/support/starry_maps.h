@@ -4,6 +4,7 @@
 
 #include <mapweave/maps/map.h>
 
+#include <algorithm>
 #include <map>
 #include <random>
 #include <vector>
@@ -103,6 +104,14 @@ class StarryBuilding {
       if (landmark.seen.size() > 1) by_id.emplace(landmark.id, std::move(landmark));
     for (auto& [id, landmark] : by_id) map.landmarks.set(id, std::move(landmark));
     return map;
+  }
+  // Where landmarks are, in the building, by numbers.
+  const Eigen::Vector3d& point(std::size_t number) const { return points_[number]; }
+  std::size_t nearest(const Eigen::Vector3d& to) const {
+    const auto nearer = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+      return (a - to).squaredNorm() < (b - to).squaredNorm();
+    };
+    return static_cast<std::size_t>(std::min_element(points_.begin(), points_.end(), nearer) - points_.begin());
   }
 
  private:

@@ -97,11 +97,27 @@ class Fusing {
     const auto& members = placed.members.maps;
     const bool is_alone = members.size() == 1;
     Component component;
-    Map& team = component.map;
     for (const std::size_t m : members) component.members.push_back(judging_.maps()[m].map->id);
-    team.id = is_alone ? component.members.front() : MapId("team");
-    solver_of(placed.members).solve(placed.members, placed.team_from_map, component);
+    component.map.id = is_alone ? component.members.front() : MapId("team");
+    const TeamSolver& solver = solver_of(placed.members);
+    solver.solve(placed.members, placed.team_from_map, component);
+    place_frames(
+        placed, [](const PreparedMap&) { return true; }, component);
+    if (solver.adjust_cameras(placed.members, placed.team_from_map, component))
+      place_frames(
+          placed, [](const PreparedMap& map) { return map.submaps.empty(); }, component);
+    if (!is_alone) component.merged = judging_.lasers().merged_maps(members);
+    return component;
+  }
+
+  // Of members that `counts` names.
+  template <class Counts>
+  void place_frames(const PlacedTeam& placed, const Counts& counts, Component& component) const {
+    const auto& members = placed.members.maps;
+    const bool is_alone = members.size() == 1;
+    const Map& team = component.map;
     for (std::size_t i = 0; i < members.size(); ++i) {
+      if (!counts(judging_.maps()[members[i]])) continue;
       const Map& map = judging_.map_in_team(members[i], is_alone);
       const auto& [first, node] = first_within(map, team);
       const double of_grid = is_alone ? 1.0 : judging_.grids().scale(members[i]), scale = placed.team_from_map[i].scale;
@@ -111,8 +127,6 @@ class Fusing {
           map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
-    if (!is_alone) component.merged = judging_.lasers().merged_maps(members);
-    return component;
   }
 
   void report() {

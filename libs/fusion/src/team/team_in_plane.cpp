@@ -3,6 +3,7 @@
 #include "followers.h"
 #include "joint_transforms.h"
 #include "relative_pose_constraints.h"
+#include "visual/visual_team.h"
 
 #include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/rig/scale.h>
@@ -237,6 +238,35 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
   }
   followers.put_back(team);
   if (!is_alone) back_to_lowest(*maps_[members.maps.front()].map, team);
+}
+
+bool TeamInPlane::adjust_cameras(const TeamMembers& members, const std::vector<Sim3>& team_from_map,
+                                 Component& team) const {
+  if (input_.is_preview || options_.visual.adjustments == 0) return false;
+  std::vector<std::size_t> with_cameras;
+  std::vector<const VisualMap*> seen;
+  std::vector<Sim3> placed;
+  for (std::size_t i = 0; i < members.maps.size(); ++i) {
+    const std::size_t m = members.maps[i];
+    if (seen_[m].empty()) continue;
+    with_cameras.push_back(m);
+    seen.push_back(&seen_[m]);
+    placed.push_back(team_from_map[i]);
+  }
+  if (seen.size() < 2) return false;
+  const PreparedMap& lowest = maps_[members.maps.front()];
+  std::optional<NodeId> stays;  // a camera's first place may be far off, so there the frame follows it instead
+  if (!lowest.submaps.empty()) stays = first_within(*lowest.map, team.map).first;
+  auto adjusted = adjust_beside_lasers(seen, team.map, stays, placed, claimed_within(with_cameras), options_.visual);
+  if (!adjusted) return false;
+  for (auto& [id, node] : adjusted->nodes)
+    if (id != stays) team.map.nodes.find(id)->map_from_node = node.map_from_node;
+  team.map.landmarks = std::move(adjusted->landmarks);
+  team.same_as = std::move(adjusted->same_as);
+  if (stays) return true;
+  const Pose3 shift = back_to_lowest(*lowest.map, team.map);
+  for (auto& entry : team.team_from_map) entry.second = compose(shift, entry.second);
+  return true;
 }
 
 }  // namespace mapweave::fusion

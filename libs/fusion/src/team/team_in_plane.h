@@ -1,7 +1,7 @@
 #pragma once
 // Teams with a laser among them, and maps that are alone: one pose graph in the plane. Lasers' maps begin where the
-// graph of submaps has bent them (laser/laser_team.h); cameras' maps are rescaled, move as their keyframes do, and
-// their bundles are not adjusted.
+// graph of submaps has bent them (laser/laser_team.h); cameras' maps are rescaled and move as their keyframes do. Then
+// what cameras see is adjusted, within what lasers say of where they were.
 
 #include "team_solver.h"
 
@@ -13,6 +13,8 @@ class TeamInPlane final : public TeamSolver {
       : TeamSolver(judging, input, options), pool_(pool) {}
   std::optional<std::vector<Sim3>> place(const TeamMembers& members) const override;
   void solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& team) const override;
+  bool adjust_cameras(const TeamMembers& members, const std::vector<Sim3>& team_from_map,
+                      Component& team) const override;
 
  private:
   std::vector<Sim3> as_lasers_have_it(const LaserTeam& team) const;

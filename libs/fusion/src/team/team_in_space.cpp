@@ -21,25 +21,13 @@ std::optional<std::vector<Sim3>> TeamInSpace::place(const TeamMembers& members) 
   return tree.team_from_map;
 }
 
-// By numbers of the members.
-std::vector<ClaimedSighting> TeamInSpace::claimed_within(const TeamMembers& members) const {
-  std::vector<ClaimedSighting> result;
-  for (ClaimedSighting claim : judging_.claimed_sightings().sightings()) {
-    if (!members.contains(claim.map) || !members.contains(claim.map_of_landmark)) continue;
-    claim.map = members.place_of(claim.map);
-    claim.map_of_landmark = members.place_of(claim.map_of_landmark);
-    result.push_back(claim);
-  }
-  return result;
-}
-
 void TeamInSpace::solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& team) const {
   std::vector<const VisualMap*> seen;
   for (const std::size_t m : members.maps) seen.push_back(&seen_[m]);
   std::vector<VisualJoin> joins;
   for (const PairJoin* join : members.joins)
     joins.push_back({members.place_of(join->a), members.place_of(join->b), &join->seen});
-  const std::vector<ClaimedSighting> claimed = claimed_within(members);
+  const std::vector<ClaimedSighting> claimed = claimed_within(members.maps);
   VisualTeam solved =
       solve_team(seen, joins, team_from_map, claimed, options_.visual, largest_within(input_.teams, seen));
   team.map.nodes = std::move(solved.nodes);

@@ -11,9 +11,6 @@ class TeamInSpace final : public TeamSolver {
   using TeamSolver::TeamSolver;
   std::optional<std::vector<Sim3>> place(const TeamMembers& members) const override;
   void solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& team) const override;
-
- private:
-  std::vector<ClaimedSighting> claimed_within(const TeamMembers& members) const;
 };
 
 }  // namespace mapweave::fusion

@@ -57,6 +57,20 @@ void TeamSolver::rescale_to_metres(const TeamMembers& members, std::vector<Sim3>
   }
 }
 
+std::vector<ClaimedSighting> TeamSolver::claimed_within(const std::vector<std::size_t>& maps) const {
+  const auto place_of = [&](std::size_t map) { return std::lower_bound(maps.begin(), maps.end(), map) - maps.begin(); };
+  std::vector<ClaimedSighting> result;
+  for (ClaimedSighting claim : judging_.claimed_sightings().sightings()) {
+    if (!std::binary_search(maps.begin(), maps.end(), claim.map) ||
+        !std::binary_search(maps.begin(), maps.end(), claim.map_of_landmark))
+      continue;
+    claim.map = static_cast<std::size_t>(place_of(claim.map));
+    claim.map_of_landmark = static_cast<std::size_t>(place_of(claim.map_of_landmark));
+    result.push_back(claim);
+  }
+  return result;
+}
+
 const std::pair<NodeId, Node>& first_within(const Map& map, const Map& team) {
   const auto first = std::find_if(map.nodes.begin(), map.nodes.end(),
                                   [&](const auto& entry) { return team.nodes.find(entry.first) != nullptr; });
@@ -64,10 +78,11 @@ const std::pair<NodeId, Node>& first_within(const Map& map, const Map& team) {
   return *first;
 }
 
-void back_to_lowest(const Map& lowest, Map& team) {
+Pose3 back_to_lowest(const Map& lowest, Map& team) {
   const auto& [first, node] = first_within(lowest, team);
   const Pose3 shift = compose(node.map_from_node, inverse(team.nodes.find(first)->map_from_node));
   for (auto& entry : team.nodes) entry.second.map_from_node = compose(shift, entry.second.map_from_node);
+  return shift;
 }
 
 }  // namespace mapweave::fusion

@@ -33,6 +33,9 @@ class TeamSolver {
   virtual std::optional<std::vector<Sim3>> place(const TeamMembers& members) const = 0;
   // Nodes, constraints, submaps and landmarks of all members, solved together from there.
   virtual void solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& team) const = 0;
+  // Whether it moved what cameras see, once the members' frames are known; lasers stay. Teams of cameras alone are
+  // adjusted as they are solved.
+  virtual bool adjust_cameras(const TeamMembers&, const std::vector<Sim3>&, Component&) const { return false; }
 
  protected:
   // Along a tree of the joins with most witnesses.
@@ -43,6 +46,8 @@ class TeamSolver {
   Tree strongest_tree(const TeamMembers& members) const;
   // The scale of a team is that of a laser, else of the first metric member, whoever is its first member.
   void rescale_to_metres(const TeamMembers& members, std::vector<Sim3>& team_from_map) const;
+  // Within these maps, numbers rising; by their places among them.
+  std::vector<ClaimedSighting> claimed_within(const std::vector<std::size_t>& maps) const;
 
   const FusionInput& input_;
   const FusionOptions& options_;
@@ -57,6 +62,7 @@ class TeamSolver {
 // First node of a map that its team has too: in space a team has no nodes but keyframes.
 const std::pair<NodeId, Node>& first_within(const Map& map, const Map& team);
 // The team's frame is the map frame of its lowest member: that one's first node stays where its map has it.
-void back_to_lowest(const Map& lowest, Map& team);
+// Returns how the team was moved.
+Pose3 back_to_lowest(const Map& lowest, Map& team);
 
 }  // namespace mapweave::fusion

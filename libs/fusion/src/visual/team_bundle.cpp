@@ -15,6 +15,8 @@ using Eigen::Vector3d;
 // Between keyframes in a row, of what their client found. Clients know systematic errors of their sensors that a bundle
 // of all does not, so there the shapes that they found hardly bend.
 constexpr double kStiff = 0.1;
+// There a client's systematic error shows against the laser, and the shapes may bend as far as the graph lets them.
+constexpr double kStiff_beside_lasers = 1.0;
 constexpr double kLeastGain = 3e-3,
                  kRoughGain = 2e-2;   // of an iteration of the bundle of all, in the last round and before
 constexpr std::size_t kOfOneMap = 3;  // sightings of a landmark while maps are laid on each other
@@ -33,7 +35,10 @@ graph::RelativePoseConstraint of_cameras(const TeamState& team, graph::RelativeP
 }  // namespace
 
 TeamBundle::TeamBundle(TeamState& team, const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options)
-    : team_(team), claimed_(claimed), options_(options), shape_(shape_constraints(team, kStiff)) {}
+    : team_(team),
+      claimed_(claimed),
+      options_(options),
+      shape_(shape_constraints(team, team.held.empty() ? kStiff : kStiff_beside_lasers)) {}
 
 // Of what was claimed, the new: by keyframes whose features were found to see the same, and where it is expected.
 std::vector<TeamBundle::BorneOut> TeamBundle::borne_out(const graph::Bundle& bundle,
@@ -85,16 +90,23 @@ void TeamBundle::for_own_sightings(std::size_t most, const Visit& visit) const {
 
 graph::Bundle TeamBundle::empty_bundle() const {
   graph::Bundle bundle;
-  const bool moves_all = std::find(team_.is_free.begin(), team_.is_free.end(), false) == team_.is_free.end();
+  const bool is_loose =
+      team_.held.empty() && std::find(team_.is_free.begin(), team_.is_free.end(), false) == team_.is_free.end();
   for (std::size_t i = 0; i < team_.keyframes.size(); ++i) {
     bundle.cameras.push_back(team_.keyframes[i].content->camera);
     bundle.views.push_back({view_of(team_.keyframes[i].team_from_camera()), static_cast<std::uint32_t>(i),
-                            (i == 0 && moves_all) || !team_.is_free[i]});
+                            (i == 0 && is_loose) || !team_.is_free[i]});
   }
   bundle.points = team_.points;
   for (const graph::RelativePoseConstraint& constraint : shape_)
     if (team_.is_free[constraint.from] || team_.is_free[constraint.to])
       bundle.relative_poses.push_back(of_cameras(team_, constraint));
+  for (const HeldKeyframe& held : team_.held) {
+    const auto keyframe = static_cast<std::uint32_t>(held.keyframe),
+               hold = static_cast<std::uint32_t>(bundle.views.size());
+    bundle.views.push_back({view_of(held.team_from_camera), keyframe, true});
+    bundle.relative_poses.push_back({hold, keyframe, Pose3(), held.sigma_m, held.sigma_rad});
+  }
   return bundle;
 }
 

@@ -23,6 +23,13 @@ struct SharedSighting {
   std::size_t keyframe, feature, landmark;  // numbers in the team
 };
 
+// Where a robot's laser has one of its keyframes, and how surely.
+struct HeldKeyframe {
+  std::size_t keyframe;  // number in the team
+  Pose3 team_from_camera;
+  double sigma_m, sigma_rad;
+};
+
 struct TeamState {
   // All outlive it. team_from_map: where the members lie, about.
   TeamState(const std::vector<const VisualMap*>& its_members, const std::vector<VisualJoin>& its_joins,
@@ -45,7 +52,8 @@ struct TeamState {
   const std::vector<Sim3>& team_from_map;
   std::vector<std::size_t> first_keyframe;  // of each member
   std::vector<TeamKeyframe> keyframes;
-  std::vector<char> is_free;  // of each: the bundle moves it
+  std::vector<char> is_free;       // of each: the bundle moves it
+  std::vector<HeldKeyframe> held;  // by number; where there are any, they hold the frame
   std::vector<LandmarkId> landmark_ids;
   std::vector<std::size_t> landmark_member, landmark_keyframe;  // whose each is; where it hangs
   std::vector<Eigen::Vector3d> points;                          // in the team's frame

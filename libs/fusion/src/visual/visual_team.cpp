@@ -7,6 +7,7 @@
 #include <mapweave/rig/scale.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 namespace mapweave::fusion {
@@ -83,6 +84,29 @@ void add_landmarks(const TeamState& team, const std::vector<SharedSighting>& fou
   }
 }
 
+// Share of the deviation of a keyframe's own constraint to the laser: its neighbours' hold it too, and a bundle knows
+// nothing of what a depth sensor has wrong everywhere.
+constexpr double kSurer = 0.03;
+
+// By the constraints to lasers' poses.
+std::vector<HeldKeyframe> held_by_lasers(const TeamState& team, const Map& solved) {
+  std::map<NodeId, std::size_t> numbers;
+  for (std::size_t i = 0; i < team.keyframes.size(); ++i) numbers.emplace(team.keyframes[i].content->id, i);
+  std::map<std::size_t, HeldKeyframe> held;
+  for (const auto& [id, constraint] : solved.constraints) {
+    const auto keyframe = numbers.find(id.to);
+    if (id.kind != ConstraintKind::extrinsic || keyframe == numbers.end() || numbers.count(id.from) != 0) continue;
+    const double m = constraint.information(0, 0), rad = constraint.information(5, 5);
+    if (!(m > 0.0 && rad > 0.0)) continue;
+    const std::size_t number = keyframe->second;
+    held.emplace(number, HeldKeyframe{number, team.keyframes[number].team_from_camera(), kSurer / std::sqrt(m),
+                                      kSurer / std::sqrt(rad)});
+  }
+  std::vector<HeldKeyframe> result;
+  for (const auto& entry : held) result.push_back(entry.second);
+  return result;
+}
+
 class Team {
  public:
   Team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
@@ -96,21 +120,39 @@ class Team {
       if (const auto start = warm_start(*before, state_.members, state_.joins))
         return is_again ? adjusted_again(*start) : extended(*start);
     correct_loops(state_);
+    adjust(before != nullptr);
+    return result();
+  }
+
+  std::optional<VisualTeam> run_beside_lasers(const Map& solved, const std::optional<NodeId>& stays) {
+    for (TeamKeyframe& keyframe : state_.keyframes)
+      keyframe.team_from_node = solved.nodes.find(keyframe.content->id)->map_from_node;
+    state_.held = held_by_lasers(state_, solved);
+    for (std::size_t i = 0; i < state_.keyframes.size(); ++i)
+      state_.is_free[i] = !stays || state_.keyframes[i].content->id != *stays;
+    adjust(false);
+    if (shared_.found().empty()) return std::nullopt;
+    VisualTeam result{nodes_of(state_), {}, {}, {}};
+    add_landmarks(state_, shared_.found(), result);
+    return result;
+  }
+
+ private:
+  // In rounds, since more is found once maps lie well.
+  void adjust(bool is_preview) {
     TeamBundle bundle(state_, claimed_, options_);
     state_.place_landmarks();
     for (int round = 0; round < options_.adjustments; ++round) {
       const double radius_px = round == 0 ? kWide_px : kNarrow_px;
       shared_.find(radius_px);
       const bool is_last = round + 1 == options_.adjustments;
-      if (before != nullptr && is_last && state_.keyframes.size() > kAtOnce)
+      if (is_preview && is_last && state_.keyframes.size() > kAtOnce)
         adjust_in_parts(bundle, radius_px);
       else
         bundle.adjust(shared_.found(), radius_px, is_last ? BundleExtent::all : BundleExtent::shared);
     }
-    return result();
   }
 
- private:
   void begin_at(const WarmStart& start) {
     for (std::size_t i = 0; i < state_.keyframes.size(); ++i)
       state_.keyframes[i].team_from_node = start.team_from_node[i];
@@ -168,6 +210,14 @@ VisualTeam solve_team(const std::vector<const VisualMap*>& members, const std::v
                       const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
                       const VisualFusionOptions& options, const PreviousMerge* before) {
   return Team(members, joins, team_from_map, claimed, options).run(before);
+}
+
+std::optional<VisualTeam> adjust_beside_lasers(const std::vector<const VisualMap*>& members, const Map& solved,
+                                               const std::optional<NodeId>& stays,
+                                               const std::vector<Sim3>& team_from_map,
+                                               const std::vector<ClaimedSighting>& claimed,
+                                               const VisualFusionOptions& options) {
+  return Team(members, {}, team_from_map, claimed, options).run_beside_lasers(solved, stays);
 }
 
 }  // namespace mapweave::fusion

@@ -4,6 +4,8 @@
 
 #include "claimed_sightings.h"
 
+#include <optional>
+
 namespace mapweave::fusion {
 
 struct VisualJoin {
@@ -24,5 +26,15 @@ struct VisualTeam {
 VisualTeam solve_team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
                       const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
                       const VisualFusionOptions& options, const PreviousMerge* before = nullptr);
+
+// Of a team with lasers, whose graph is solved: landmarks that members share made one, then keyframes and landmarks
+// adjusted, where the robots' lasers hold the keyframes (ConstraintKind::extrinsic) near where that graph has them.
+// members: those with keyframes. solved: the team's map, which has all of them. stays: the place that gives the
+// frame; a keyframe of that name does not move. No constraints in the result. nullopt: they share nothing.
+std::optional<VisualTeam> adjust_beside_lasers(const std::vector<const VisualMap*>& members, const Map& solved,
+                                               const std::optional<NodeId>& stays,
+                                               const std::vector<Sim3>& team_from_map,
+                                               const std::vector<ClaimedSighting>& claimed,
+                                               const VisualFusionOptions& options);
 
 }  // namespace mapweave::fusion
