@@ -67,7 +67,7 @@ def draw(folder, figures):
 
 
 def lines(path, title, x_name, y_name, series, log_y=False):
-    """`series`: {name: [(x, y), ...]}; x is logarithmic where it spans more than a decade."""
+    """`series`: {name: [(x, y), ...]}; x is logarithmic where it spans more than a decade, and does not begin at 0."""
     picture, left, right, top, bottom = Picture(760, 460), 90, 20, 60, 60
     points = [point for some in series.values() for point in some if not log_y or point[1] > 0]
     x_low, x_high = min(x for x, _ in points), max(x for x, _ in points)
@@ -75,7 +75,7 @@ def lines(path, title, x_name, y_name, series, log_y=False):
     if not log_y:
         y_low = min(0.0, y_low)
     y_high, x_high = max(y_high, y_low + 1e-9), max(x_high, x_low + 1e-9)
-    log_x = x_high > 10 * x_low
+    log_x = x_high > 10 * x_low > 0
 
     def share(value, low, high, logarithmic):
         return math.log(value / low) / max(1e-9, math.log(high / low)) if logarithmic else (value - low) / (high - low)
@@ -103,5 +103,45 @@ def lines(path, title, x_name, y_name, series, log_y=False):
         for x, y in placed:
             for d in range(-2, 4):
                 picture.line((x - 2, y + d), (x + 3, y + d), colour)
-        picture.text(left + 16 + 130 * (i % 5), 28 + 14 * (i // 5), name, colour)
+    legend(picture, left + 16, series, COLOURS)
+    picture.write(path)
+
+
+def legend(picture, left, names, colours):
+    """Each name in its colour, one after the other, in as many lines as it takes."""
+    x, y = left, 28
+    for i, name in enumerate(names):
+        if x > left and x + 8 * len(name) > picture.width - 10:
+            x, y = left, y + 14
+        picture.text(x, y, name, colours[i % len(colours)])
+        x += 8 * len(name) + 24
+
+
+def paths(path, title, series):
+    """Trajectories in the plane, in metres, one scale for both axes. `series`: {name: [(x, y), ...]} in order; the first is drawn below the others, grey."""
+    picture, margin, top = Picture(760, 620), 60, 60
+    points = [point for some in series.values() for point in some]
+    x_low, y_low = min(x for x, _ in points), min(y for _, y in points)
+    x_high, y_high = max(x for x, _ in points), max(y for _, y in points)
+    scale = min((picture.width - 2 * margin) / max(1e-9, x_high - x_low), (picture.height - top - margin - 20) / max(1e-9, y_high - y_low))
+
+    def place(point):
+        return margin + scale * (point[0] - x_low), picture.height - margin - scale * (point[1] - y_low)
+    for value in ticks(x_low, max(x_high, x_low + 1e-6), False):
+        at = place((value, y_low))
+        picture.line((at[0], top), (at[0], picture.height - margin), (232, 232, 232))
+        picture.text(round(at[0]) - 8, picture.height - margin + 8, f"{value:g}")
+    for value in ticks(y_low, max(y_high, y_low + 1e-6), False):
+        at = place((x_low, value))
+        picture.line((margin, at[1]), (picture.width - margin, at[1]), (232, 232, 232))
+        picture.text(10, round(at[1]) - 5, f"{value:g}")
+    picture.text(margin, 10, title)
+    picture.text(picture.width - margin - 8, picture.height - 24, "m")
+    for i, (name, some) in enumerate(series.items()):
+        colour, wide = ((170, 170, 170), 5) if i == 0 else (COLOURS[i - 1], 2)
+        placed = [place(point) for point in some]
+        for a, b in zip(placed, placed[1:]):
+            if math.dist(a, b) < 40 or len(placed) < 10:   # not over what it did not see
+                picture.line((a[0] - wide / 2, a[1] - wide / 2), (b[0] - wide / 2, b[1] - wide / 2), colour, wide)
+    legend(picture, margin + 16, series, ((170, 170, 170), *COLOURS))
     picture.write(path)

@@ -114,6 +114,12 @@ class CameraTeam(support.Scenario):
             seconds, [camera] = robot["log_seconds"], robot["cameras"]
             self.assertGreater(camera["sent_bytes"], 1000.0 * seconds)
             self.assertLess(camera["sent_bytes"], 1.2 * 20000.0 * seconds)
+            # Second by second: all of it, in the order of time, while any robot drove: what waited for the wire is sent after its own drive.
+            moments, sent, received = zip(*camera["traffic"])
+            self.assertEqual((sum(sent), sum(received)), (camera["sent_bytes"], camera["heard_bytes"]))
+            self.assertEqual(list(moments), sorted(set(moments)))
+            self.assertLess(moments[-1], max(one["log_seconds"] for one in robots) + 1.0)
+            self.assertGreater(len(moments), 0.5 * seconds)
         self.assertGreater(sum(robot["cameras"][0]["heard_bytes"] for robot in robots), 0)
 
     def test_cameras_keep_the_map_of_the_whole_team(self):

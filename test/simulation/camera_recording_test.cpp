@@ -198,6 +198,84 @@ TEST(CameraRecording, darkens_corners_and_wanders_in_brightness) {
   EXPECT_LT(greatest / least, 3.0);
 }
 
+TEST(CameraRecording, exposes_longer_and_amplifies_at_night) {
+  WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::rgbd)));
+  options.cameras[0].image.noise = 1.0;
+  const CameraFrame day = frame_of(built(options), 0);
+  const auto noise_and_brightness = [&](double level) {
+    options.light.level = level;
+    const CameraFrame frame = frame_of(built(options), 0);
+    EXPECT_EQ(frame.depth, day.depth) << "a depth camera brings its own light";
+    double squares = 0.0, sum = 0.0, day_sum = 0.0;
+    int count = 0;
+    for (std::size_t i = 0; i < frame.left.values.size(); ++i) {
+      const int value = frame.left.values[i], by_day = day.left.values[i];
+      if (by_day < 60 || by_day > 195) continue;
+      sum += value;
+      day_sum += by_day;
+      squares += (value - by_day) * (value - by_day);
+      ++count;
+    }
+    return std::pair(std::sqrt(squares / count), sum / day_sum);
+  };
+  EXPECT_EQ(noise_and_brightness(1.0), std::pair(0.0, 1.0));
+  const auto [dusk_noise, dusk] = noise_and_brightness(0.4);  // a longer exposure is enough
+  EXPECT_EQ(dusk_noise, 0.0);
+  EXPECT_EQ(dusk, 1.0);
+  const auto [night_noise, night] = noise_and_brightness(1.0 / 15.0);  // 3 times as long, amplified 5 times
+  EXPECT_NEAR(night_noise, 4.0, 0.5) << "the same numbers, 5 times as large";
+  EXPECT_NEAR(night, 1.0, 0.02);
+  EXPECT_NEAR(noise_and_brightness(1.0 / 48.0).second, 0.5, 0.03) << "more than 8 times is not amplified";
+}
+
+TEST(CameraRecording, is_blurred_more_at_night) {
+  WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::mono)));
+  options.cameras[0].image.exposure_ms = 30.0;
+  options.cameras[0].yaw_deg = 90.0;  // the wall beside goes by
+  const auto roughness = [&] {
+    const Picture picture = frame_of(built(options), 20).left;
+    double sum = 0.0;
+    for (std::size_t i = 1; i < picture.values.size(); ++i)
+      if (i % 160 != 0) sum += std::abs(picture.values[i] - picture.values[i - 1]);
+    return sum;
+  };
+  const double by_day = roughness();
+  options.light.level = 1.0 / 3.0;
+  EXPECT_LT(roughness(), 0.9 * by_day);
+}
+
+TEST(CameraRecording, is_bright_beneath_lamps_and_dark_between) {
+  WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::rgbd)));
+  const World by_day = built(options);
+  options.light.lamps = 0.8;
+  options.light.lamp_spacing_m = 3.0;
+  const World by_night = built(options);
+  const CameraFrame day = frame_of(by_day, 0), night = frame_of(by_night, 0);
+  EXPECT_EQ(night.depth, day.depth);
+  const CameraRecording recording(by_night, 0, 0);
+  const CameraModel camera(by_night.cameras(0)[0].intrinsics());
+  int compared = 0;
+  double least = 1.0, greatest = 0.0;
+  for (int row = 2; row < 120; row += 4) {
+    for (int column = 2; column < 160; column += 4) {
+      const auto at = static_cast<std::size_t>(row * 160 + column);
+      const double z = night.depth[at] * kDepthUnit;
+      const int by_day_level = day.left.values[at];
+      if (z <= 0.0 || by_day_level < 60 || by_day_level > 250) continue;
+      const Eigen::Vector2d ray = camera.normalised(column, row);
+      const double share =
+          options.light.share_at(transformed(Eigen::Vector3d(ray.x() * z, ray.y() * z, z), night.world_from_camera));
+      EXPECT_NEAR(night.left.values[at], share * by_day_level, 2.0) << row << ", " << column;
+      least = std::min(least, share);
+      greatest = std::max(greatest, share);
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 100);
+  EXPECT_LT(least, 0.35);
+  EXPECT_GT(greatest, 0.8);
+}
+
 TEST(CameraRecording, blurs_what_moves_while_it_is_exposed) {
   CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::mono));
   WorldOptions options = camera_world(camera);

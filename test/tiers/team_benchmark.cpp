@@ -1,10 +1,12 @@
 // Teams of cameras that hand over features, with their map server: is one map made of them, how good is it, and what
-// goes over the wire. team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, forgetting-300, another-day,
-// repeated-rooms-SEEDS. Prints one JSON object each.
+// goes over the wire. team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, forgetting-300, cut-2,
+// another-day, repeated-rooms-SEEDS. Prints one JSON object each.
 //   apartment-N       N robots in an apartment of seven rooms, 60 m each; every one shares rooms with the next
 //   single-camera     alpha's depth camera maps three rooms; then a single camera comes and asks where it is
 //   forgetting-ROOM   a robot that drives 600 m, whose camera has room for so many keyframes and culls none; beside it
-//   what the server keeps
+//   what the server keeps. forgetting-ROOM@METRES: so far
+//   cut-N             one robot's drive around a corridor that closes on itself, cut for N clients that begin together
+//   (CORB-SLAM); cut-N@METRES: a drive of so many metres
 //   another-day       a robot comes back a day later, half of the furniture elsewhere
 //   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds.
 //   repeated-rooms-N@S: from seed
@@ -207,16 +209,32 @@ double held_mb() {
   return static_cast<double>(info.uordblks + info.hblkhd) / 1e6;
 }
 
-nlohmann::json forgetting(int room) {
-  const double began_s = processor_s();
+// A robot whose camera has room for so many keyframes and culls none.
+std::unique_ptr<FeatureTeam> driven_with_room(int room, double metres, tiers::Sharing share) {
   tiers::ServerOptions sharing;
-  sharing.share = tiers::Sharing::view;
-  FeatureTeam team(test::apartment(1, 600.0), sharing, {}, 2);
-  auto& robot = team.robots.front();
+  sharing.share = share;
+  auto team = std::make_unique<FeatureTeam>(test::apartment(1, metres), sharing, simulation::FeatureOptions{}, 2);
+  auto& robot = team->robots.front();
   robot.options.memory.keyframes = room;
   robot.options.memory.redundant_views = 100;
   robot.client.emplace(robot.camera, 0.0, robot.options, matching::shipped_vocabulary());
-  team.run();
+  team->run();
+  return team;
+}
+
+// Memory of the robot's client, which ends.
+double given_back_mb(FeatureTeam::Robot& robot) {
+  const double with_client_mb = held_mb();
+  robot.client.reset();
+  return with_client_mb - held_mb();
+}
+
+nlohmann::json forgetting(int room, double metres) {
+  const double began_s = processor_s();
+  const double unheard_mb = given_back_mb(driven_with_room(room, metres, tiers::Sharing::none)->robots.front());
+  const auto driven = driven_with_room(room, metres, tiers::Sharing::view);
+  FeatureTeam& team = *driven;
+  auto& robot = team.robots.front();
   const SessionId session = *robot.client->run(robot.place);
   fusion::Component whole;
   whole.map = robot.client->maps(robot.place).front();
@@ -236,10 +254,52 @@ nlohmann::json forgetting(int room) {
                         {"sent_bytes", robot.agent->sent_bytes()},
                         {"heard_bytes", robot.agent->received_bytes()}};
   whole = {};
-  const double with_client_mb = held_mb();
-  robot.client.reset();
-  row["client_mb"] = with_client_mb - held_mb();
+  row["client_mb"] = given_back_mb(robot);
+  row["unheard_client_mb"] = unheard_mb;  // of one whose server sends it nothing
   row["cpu_s"] = processor_s() - began_s;
+  return row;
+}
+
+// One drive, cut for so many clients that share 12 s with the next one and all begin when the drive began.
+nlohmann::json cut(int clients, double metres) {
+  const double began_s = processor_s();
+  static const char* const kNames[] = {"alpha", "beta", "gamma"};
+  auto options = test::camera_world(simulation::PlanKind::ring, 3, 1);
+  options.buildings[0].ring = {0.285 * metres, 0.215 * metres, 2.4, static_cast<int>(metres / 5.0),
+                               static_cast<int>(metres / 5.0)};
+  options.robots[0].length_m = 1.06 * metres;
+  options.robots[0].laps = 2;
+  WorkerPool pool(2);
+  const simulation::World world(options, pool);
+  const simulation::FeatureOptions features;
+  const simulation::LandmarkField field(world.scene(0), world.buildings()[0], features);
+  const simulation::FeatureRecording recording(world, field, features, 0, 0);
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view;
+  FeatureTeam team(sharing, 2);
+  PublishedParts parts;
+  team.overheard = [&](const FeatureTeam::Robot&, const std::string& bytes) { parts.add(bytes); };
+  const auto& model = options.cameras[0].intrinsics();
+  const Pose3 robot_from_camera =
+      compose(inverse(world.world_from_robot(0, 0.0)), recording.frame(0).world_from_camera);
+  const std::size_t frames = recording.frame_count(), shared = 12 * 6;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(clients); ++i) {
+    const std::size_t parts_of = static_cast<std::size_t>(clients), middle = i * frames / parts_of;
+    const std::size_t first = middle < shared ? 0 : middle - shared;
+    const std::size_t last = std::min(frames, (i + 1) * frames / parts_of + shared);
+    const std::int64_t later_ns = recording.frame(first).stamp.ns - recording.frame(0).stamp.ns;
+    team.add({{RobotId(kNames[i]), SensorId("camera")}, robot_from_camera},
+             {model.width, model.height, model.fx, model.fy, model.cx, model.cy}, last - first,
+             [&recording, first, later_ns](std::size_t number) {
+               simulation::SimulatedFeatureFrame frame = recording.frame(first + number);
+               frame.stamp.ns -= later_ns;
+               return FeatureTeam::Shot{test::frame_of(frame), frame.world_from_camera};
+             });
+  }
+  team.run();
+  const double alone = alone_m(team.robots);
+  auto row = report(("one drive cut for " + std::to_string(clients) + " clients").c_str(), team, began_s, alone);
+  row["published"] = parts.json();
   return row;
 }
 
@@ -313,14 +373,18 @@ nlohmann::json run(const std::string& scenario) {
   };
   if (const int robots = number("apartment-"); robots >= 1 && robots <= 8) return apartment(robots);
   if (scenario == "single-camera") return single_camera();
-  if (const int room = number("forgetting-"); room >= 20) return forgetting(room);
+  const auto at = scenario.find('@');
+  const double metres = at == std::string::npos ? 0.0 : std::atof(scenario.c_str() + at + 1);
+  if (const int room = number("forgetting-"); room >= 20) return forgetting(room, metres > 0.0 ? metres : 600.0);
+  if (const int clients = number("cut-"); clients >= 2 && clients <= 3)
+    return cut(clients, metres > 0.0 ? metres : 150.0);
   if (scenario == "another-day") return another_day();
-  if (const int seeds = number("repeated-rooms-"); seeds > 0) {
-    const auto at = scenario.find('@');
+  if (const int seeds = number("repeated-rooms-"); seeds > 0)
     return repeated_rooms(seeds, at == std::string::npos ? 1 : std::atoi(scenario.c_str() + at + 1));
-  }
-  throw Error(ErrorCode::kUsage, "there is no scenario '" + scenario + "'", {},
-              "apartment-1 to apartment-8, single-camera, forgetting-ROOM, another-day, repeated-rooms-SEEDS[@FIRST]");
+  throw Error(
+      ErrorCode::kUsage, "there is no scenario '" + scenario + "'", {},
+      "apartment-1 to apartment-8, single-camera, forgetting-ROOM[@METRES], cut-2 or cut-3[@METRES], another-day, "
+      "repeated-rooms-SEEDS[@FIRST]");
 }
 
 }  // namespace

@@ -31,7 +31,9 @@ class Link {
         vocabulary_(configuration.visual.chosen_vocabulary.get().hash()) {}
 
   // Its maps, and where it is. passed_on: null where nobody else listens.
-  void publish(tiers::VisualServer& server, Stamp now, std::vector<PassedOn>* passed_on) {
+  // seconds: of data, since the first exchange of all.
+  void publish(tiers::VisualServer& server, Stamp now, double seconds, std::vector<PassedOn>* passed_on) {
+    second_ = static_cast<std::uint64_t>(std::max(0.0, seconds));
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
@@ -76,6 +78,12 @@ class Link {
 
  private:
   void count() {
+    if (agent_.sent_bytes() != report_->sent_bytes || agent_.received_bytes() != report_->received_bytes) {
+      auto& traffic = report_->traffic;
+      if (traffic.empty() || traffic.back().second != second_) traffic.push_back({second_, 0, 0});
+      traffic.back().sent_bytes += agent_.sent_bytes() - report_->sent_bytes;
+      traffic.back().received_bytes += agent_.received_bytes() - report_->received_bytes;
+    }
     report_->sent_bytes = agent_.sent_bytes();
     report_->received_bytes = agent_.received_bytes();
     report_->shared_keyframes = std::max(report_->shared_keyframes, std::uint64_t{client_->shared_keyframes().size()});
@@ -91,6 +99,7 @@ class Link {
   visual::ClientPlace place_;
   Hash vocabulary_;
   bool greeted_ = false, has_place_ = false;
+  std::uint64_t second_ = 0;  // of data
 };
 
 struct Member {
@@ -127,15 +136,22 @@ void receive_from_others(std::deque<Edge>& edges) {
   for (Edge& edge : edges) edge.passed_on.clear();
 }
 
-void exchange(Edge& edge, const RunConfiguration& configuration, Stamp moment, bool others_listen, WorkerPool& pool) {
+// seconds: of data, since the first moment of all.
+struct Moment {
+  Stamp stamp;
+  double seconds;
+};
+
+void exchange(Edge& edge, const RunConfiguration& configuration, Moment now, bool others_listen, WorkerPool& pool) {
   for (Member& member : edge.members) {
     const auto clients = member.task.clients();
     while (member.links.size() < clients.size()) member.links.emplace_back(clients[member.links.size()], configuration);
-    for (Link& link : member.links) link.publish(edge.server, moment, others_listen ? &edge.passed_on : nullptr);
+    for (Link& link : member.links)
+      link.publish(edge.server, now.stamp, now.seconds, others_listen ? &edge.passed_on : nullptr);
   }
   for (Member& member : edge.members)
     for (Link& link : member.links) link.ask(edge.server, pool);
-  edge.server.advance(moment, pool);
+  edge.server.advance(now.stamp, pool);
 }
 
 // All robots of edges that send each other what they receive, a moment at a time.
@@ -145,16 +161,19 @@ void drive(std::deque<Edge>& edges, const RunConfiguration& configuration, Worke
   std::vector<Member*> members;
   for (Edge& edge : edges)
     for (Member& member : edge.members) members.push_back(&member);
+  std::optional<Stamp> begin;
   for (std::optional<Stamp> moment;;) {
     std::optional<Stamp> earliest;
     for (const Member* member : members)
       if (const auto next = member->task.next(); next && (!earliest || *next < *earliest)) earliest = next;
     if (!earliest) break;
     if (!moment || *moment < *earliest) moment = earliest;  // nothing happens in between
+    if (!begin) begin = earliest;
     moment->ns += period_ns;
     pool.for_each(members.size(), [&](std::size_t i) { members[i]->task.advance(moment, give_up); });
     receive_from_others(edges);
-    for (Edge& edge : edges) exchange(edge, configuration, *moment, edges.size() > 1, pool);
+    for (Edge& edge : edges)
+      exchange(edge, configuration, {*moment, seconds_between(*begin, *moment)}, edges.size() > 1, pool);
   }
   for (Edge& edge : edges)
     for (Member& member : edge.members)

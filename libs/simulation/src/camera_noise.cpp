@@ -104,6 +104,23 @@ void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from
   view.values.swap(blurred);
 }
 
+void light_up(RenderedView& view, const CameraModel& camera, const Pose3& world_from_camera,
+              const LightOptions& light) {
+  if (light.lamps <= 0.0) return;
+  const Eigen::Matrix3d rotation = world_from_camera.q.toRotationMatrix();
+  const std::size_t channels = static_cast<std::size_t>(view.channels);
+  for (int row = 0; row < view.height; ++row) {
+    for (int column = 0; column < view.width; ++column) {
+      const std::size_t at = view.at(row, column);
+      if (view.surface[at] < 0) continue;
+      const Eigen::Vector3d ray(camera.x(row)[column], camera.y(row)[column], 1.0);
+      const Eigen::Vector3d point = world_from_camera.t + rotation * ray * view.depth(row, column);
+      const auto share = static_cast<float>(light.share_at(point));
+      for (std::size_t c = 0; c < channels; ++c) view.values[at * channels + c] *= share;
+    }
+  }
+}
+
 std::vector<float> vignette(const CameraIntrinsics& camera, double vignetting) {
   std::vector<float> shares;
   const double cx = 0.5 * (camera.width - 1), cy = 0.5 * (camera.height - 1), corner = cx * cx + cy * cy;

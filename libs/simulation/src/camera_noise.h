@@ -3,6 +3,7 @@
 
 #include <mapweave/simulation/camera_options.h>
 #include <mapweave/simulation/camera_recording.h>
+#include <mapweave/simulation/light.h>
 #include <mapweave/simulation/random.h>
 #include <mapweave/simulation/renderer.h>
 
@@ -12,6 +13,9 @@ namespace mapweave::simulation {
 // `blurred` gives its memory.
 void blur(RenderedView&, const CameraModel&, const Pose3& world_from_first, const Pose3& world_from_middle,
           const Pose3& world_from_last, std::vector<float>& blurred);
+
+// The view in the light that falls on what each pixel shows.
+void light_up(RenderedView&, const CameraModel&, const Pose3& world_from_camera, const LightOptions&);
 
 // Light that falls on the corners, as a share of that in the middle: one per pixel, row by row.
 std::vector<float> vignette(const CameraIntrinsics&, double vignetting);

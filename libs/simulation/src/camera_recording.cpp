@@ -77,11 +77,13 @@ Picture CameraRecording::take(double seconds, const Pose3& left_from_camera, dou
   }
   const auto pose = [&](double at) { return compose(world_from_camera(at), left_from_camera); };
   render(scene, moving, model_, pose(seconds), options_.colour ? Channels::colour : Channels::grey, view);
-  const double half = 0.5e-3 * options_.image.exposure_ms;
+  const LightOptions& light = world_->options().light;
+  light_up(view, model_, pose(seconds), light);
+  const double half = 0.5e-3 * options_.image.exposure_ms * light.exposure_factor();
   const Pose3 first = pose(seconds - half), last = pose(seconds + half), motion = between(first, last);
   if (motion.t.norm() > 1e-5 || motion.q.vec().norm() > 1e-5)
     blur(view, model_, first, pose(seconds), last, workspace.blurred);
-  return expose(view, vignette_, gain, options_.image.noise, noise, frame);
+  return expose(view, vignette_, gain * light.brightness(), options_.image.noise * light.amplification(), noise, frame);
 }
 
 CameraFrame CameraRecording::frame(std::size_t frame, Workspace& workspace) const {

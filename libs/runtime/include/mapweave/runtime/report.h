@@ -29,6 +29,11 @@ struct CameraReport {
   std::vector<Loop> loops;
   double longest_loss_s = 0.0;
   std::uint64_t sent_bytes = 0, received_bytes = 0;  // to and from the edge's map server, where they share
+  struct Traffic {
+    std::uint64_t second = 0;  // of data, since the first frame of all cameras of the run
+    std::uint64_t sent_bytes = 0, received_bytes = 0;
+  };
+  std::vector<Traffic> traffic;  // of these bytes, in the seconds that have any
   std::uint64_t passed_on_bytes =
       0;                       // of what it sent, by its edge to the cloud, and on to all other edges with cameras
   std::uint64_t borrowed = 0;  // landmarks of others that keyframes saw, at most at once

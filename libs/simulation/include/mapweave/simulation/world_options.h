@@ -3,6 +3,7 @@
 
 #include <mapweave/simulation/camera_options.h>
 #include <mapweave/simulation/laser_sensor.h>
+#include <mapweave/simulation/light.h>
 #include <mapweave/simulation/scene.h>
 #include <mapweave/simulation/trajectory.h>
 #include <mapweave/simulation/wheel_odometry.h>
@@ -164,6 +165,7 @@ struct WorldOptions {
   double robot_radius_m = 0.2;
   double robot_height_m = 0.5;
   LookOptions look;
+  LightOptions light;
   std::vector<CameraOptions> cameras;
   ImuOptions imu;
   LogOptions logs;
@@ -181,6 +183,7 @@ struct WorldOptions {
              "of the disc that the other robots' lasers see; 0: robots do not see each other");
     v.number("robot_height_m", robot_height_m, 0.05, 2.5, "and of the body that their cameras see");
     v.section("look", look, "what cameras see of buildings");
+    v.section("light", light, "day or night, in all buildings");
     v.list("cameras", cameras, "that every robot carries, unless it has its own");
     v.section("imu", imu, "the inertial unit that every robot carries, at its origin");
     v.section("logs", logs, "how cameras are written");
