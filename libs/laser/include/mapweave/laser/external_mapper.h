@@ -72,7 +72,7 @@ class ExternalMapper : public LaserMapper {
   std::vector<ScanPose> poses_;
   std::uint64_t finished_scans_ = 0;
   bool is_done_ = true;  // all poses that were asked for are there
-  std::string failure_;   // what the helper said of its own end
+  std::string failure_;  // what the helper said of its own end
   std::optional<Error> error_;
   bool finished_ = false;
   double helper_cpu_seconds_ = 0.0;
