@@ -67,9 +67,10 @@ function(mapweave_add_program name)
   set_property(GLOBAL APPEND PROPERTY MAPWEAVE_PROGRAMS ${name})
 endfunction()
 
-# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds]): one gtest executable per library.
+# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds] [WHOLE_SUITE <suite>]): one gtest
+# executable per library. Tests run one by one, but those of WHOLE_SUITE together: they share what is slow to prepare.
 function(mapweave_add_test name)
-  cmake_parse_arguments(arg "" "TIMEOUT" "USES;SOURCES;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "" "TIMEOUT;WHOLE_SUITE" "USES;SOURCES;PRIVATE" ${ARGN})
   add_executable(${name}_test ${arg_SOURCES})
   mapweave_compile_quickly(${name}_test REUSE_FROM mapweave_test_headers)
   list(TRANSFORM arg_USES PREPEND mapweave::)
@@ -83,7 +84,12 @@ function(mapweave_add_test name)
     math(EXPR arg_TIMEOUT "6 * ${arg_TIMEOUT}")
   endif()
   include(GoogleTest)
-  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
+  if(arg_WHOLE_SUITE)
+    add_test(NAME ${arg_WHOLE_SUITE} COMMAND ${name}_test --gtest_filter=${arg_WHOLE_SUITE}.*)
+    set_tests_properties(${arg_WHOLE_SUITE} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
+    set(one_by_one TEST_FILTER "-${arg_WHOLE_SUITE}.*")
+  endif()
+  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 ${one_by_one} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
 endfunction()
 
 # mapweave_add_benchmark(NAME USES ... SOURCES ...): built with the rest, run by scripts/bench, never by ctest.
