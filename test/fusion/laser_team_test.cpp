@@ -79,6 +79,24 @@ TEST(LaserTeam, compares_a_map_with_those_most_like_it_first) {
   }
 }
 
+TEST(LaserTeam, says_who_proposed_a_merge_and_who_was_heard_last) {
+  const auto team = apartment(2, 0.6);
+  EXPECT_EQ(fused(mapped(team)).verdicts[0].proposer, "ring keys");
+  auto image = mirrored(team.robots[0]);
+  FusionInput input{{test::mapped(team.robots[0], team.laser), test::mapped(image, team.laser)}, {}, TierId("cloud")};
+  for (const auto& [last, name] : {std::pair(Proposer::ring_keys, "ring keys"),
+                                   {Proposer::whole_maps, "whole maps"},
+                                   {Proposer::corners, "corners"}}) {
+    FusionOptions options;
+    options.last_proposer = last;
+    WorkerPool pool(1);
+    Memo memo;
+    const auto result = fuse(input, options, memo, pool, *make_silent_progress());
+    EXPECT_EQ(result.components.size(), 2U);
+    EXPECT_EQ(result.verdicts[0].proposer, name);
+  }
+}
+
 TEST(LaserTeam, leaves_a_log_and_its_mirror_image_apart_under_any_name) {
   const auto team = apartment(2, 0.6);
   for (const char* name : {"aaa", "zzz"}) {

@@ -19,7 +19,7 @@ Hash hash_of(std::uint8_t number) {
 MergedMaps merged_maps() {
   MergedMaps merged;
   merged.members = {MapId("alpha"), MapId("beta"), MapId("gamma")};
-  merged.merges.push_back({{MapId("alpha")}, {MapId("beta")}, 0.75});
+  merged.merges.push_back({{MapId("alpha")}, {MapId("beta")}, 0.75, "corners"});
   merged.merges.push_back({{MapId("gamma")}, {MapId("alpha"), MapId("beta")}, 1.0});
   Judgement judgement;
   judgement.id = hash_of(7);
@@ -46,6 +46,7 @@ TEST(MergedMaps, come_back_as_they_were) {
   EXPECT_EQ(back.members, sent.members);
   ASSERT_EQ(back.merges.size(), 2U);
   EXPECT_EQ(back.merges[1].other, sent.merges[1].other);
+  EXPECT_EQ(back.merges[0].proposer, "corners");
   EXPECT_EQ(back.merges[0].probability, 0.75);
   ASSERT_EQ(back.matches.size(), 1U);
   EXPECT_EQ(back.matches[0].from, sent.matches[0].from);
@@ -67,6 +68,7 @@ TEST(MergedMaps, that_cannot_be_are_refused) {
   refuses([](MergedMaps& merged) { std::swap(merged.members[0], merged.members[1]); });
   refuses([](MergedMaps& merged) { merged.merges[0].other = {MapId("delta")}; });
   refuses([](MergedMaps& merged) { merged.merges[0].other = merged.merges[0].one; });
+  refuses([](MergedMaps& merged) { merged.merges[0].proposer = "two\nlines"; });
   refuses([](MergedMaps& merged) { merged.judgements.clear(); });
   refuses([](MergedMaps& merged) { merged.matches[0].information(0, 0) = -1.0; });
   refuses([](MergedMaps& merged) { merged.matches[0].from_from_to.x = std::nan(""); });

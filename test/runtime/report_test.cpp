@@ -121,6 +121,24 @@ TEST(Report, says_which_merge_put_maps_into_one) {
                   "alpha + beta: in one map, through gamma; not matched to each other: what fits may fit by chance"));
 }
 
+TEST(Report, counts_what_each_proposer_found) {
+  Report report = report_of(Decision::accepted, 1);
+  Verdict& first = report.team.verdicts.front();
+  first.proposer = "corners";
+  first.merge = TeamMerge{{MapId("alpha")}, {MapId("beta"), MapId("gamma")}, 0.99, "corners"};
+  Verdict other = first;
+  other.b = MapId("gamma");  // of the same merge
+  Verdict by_cameras = verdict(Decision::accepted);
+  by_cameras.proposer = "words";
+  Verdict apart = verdict(Decision::refused);
+  apart.proposer = "whole maps";
+  report.team.verdicts.insert(report.team.verdicts.end(), {other, by_cameras, apart});
+  const auto proposers = summary_json(report)["team"]["proposers"];
+  EXPECT_EQ(proposers.size(), 2U);
+  EXPECT_EQ(proposers["corners"], 1);
+  EXPECT_EQ(proposers["words"], 1);
+}
+
 TEST(Report, says_that_no_common_place_was_found_rather_than_numbers_of_nothing) {
   Report report = report_of(Decision::refused, 2);
   report.team.verdicts[0].reason = Reason::little_overlap;

@@ -42,7 +42,8 @@ std::string flaw(const MergedGroups& groups, const std::vector<MapId>& members) 
   if (all.size() != groups.one.size() + groups.other.size()) return "a map was merged with itself";
   if (!std::includes(members.begin(), members.end(), all.begin(), all.end()))
     return "a map was merged that is no member";
-  return is_probability(groups.probability) ? "" : "a merge's probability is not within 0..1";
+  if (!is_probability(groups.probability)) return "a merge's probability is not within 0..1";
+  return is_proposer(groups.proposer) ? "" : "a merge's proposer is not up to 256 printable letters";
 }
 
 std::string flaw(const MergedMaps& merged) {
@@ -140,6 +141,7 @@ std::string encode(const MergedMaps& merged) {
     for (const MapId& member : groups.one) line.add_one(member.str());
     for (const MapId& member : groups.other) line.add_other(member.str());
     line.set_probability(groups.probability);
+    line.set_proposer(groups.proposer);
   }
   for (const MatchedSubmaps& match : merged.matches) fill(*content.add_matches(), match, sessions);
   for (const Judgement& judgement : merged.judgements) *content.add_judgements() = form_of(judgement, sessions);
@@ -158,7 +160,7 @@ MergedMaps decode_merged_maps(std::string_view bytes, const std::string& where) 
   MergedMaps merged;
   merged.members = names_in(content.members(), reader);
   for (const auto& line : content.merges())
-    merged.merges.push_back({names_in(line.one(), reader), names_in(line.other(), reader), line.probability()});
+    merged.merges.push_back({names_in(line.one(), reader), names_in(line.other(), reader), line.probability(), line.proposer()});
   for (const auto& match : content.matches()) merged.matches.push_back(match_of(match, reader));
   for (const auto& judgement : content.judgements()) merged.judgements.push_back(reader.judgement(judgement));
   for (const auto& constraint : content.constraints()) merged.constraints.push_back(reader.constraint(constraint));

@@ -186,6 +186,10 @@ std::string flaw(const Judgement& judgement) {
   return flaw(judgement.evidence);
 }
 
+bool is_proposer(const std::string& name) {
+  return name.size() <= 256 && std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
+}
+
 std::string flaw(const Verdict& verdict) {
   if (!is_valid_name(verdict.a.str()) || !is_valid_name(verdict.b.str())) return "a verdict has no valid name of a map";
   if (!(verdict.a < verdict.b)) return "a verdict's maps are not in order";
@@ -193,9 +197,7 @@ std::string flaw(const Verdict& verdict) {
   if (verdict.kind != "laser" && verdict.kind != "vision" && verdict.kind != "laser and vision" &&
       verdict.kind != "grid")
     return "a verdict's kind is none of laser, vision, laser and vision, grid";
-  if (verdict.proposer.size() > 256 ||
-      !std::all_of(verdict.proposer.begin(), verdict.proposer.end(), [](char c) { return c >= ' ' && c <= '~'; }))
-    return "a verdict's proposer is not up to 256 printable letters";
+  if (!is_proposer(verdict.proposer)) return "a verdict's proposer is not up to 256 printable letters";
   if (verdict.decision > Decision::deferred)
     return "a verdict has unknown decision " + std::to_string(static_cast<int>(verdict.decision));
   if (verdict.reason > kLastReason)

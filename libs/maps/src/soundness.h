@@ -28,6 +28,7 @@ std::string flaw(const ConstraintId&);
 std::string flaw(const Constraint&);
 std::string flaw(const Judgement&);
 std::string flaw(const Verdict&);
+bool is_proposer(const std::string& name);  // up to 256 printable letters
 std::string flaw(const Origin&);
 std::string flaw(const Landmark&);
 std::string flaw(const LandmarkChange&);

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace mapweave::runtime {
 namespace {
@@ -175,6 +176,21 @@ Json frame_json(const TeamFrame& frame, const Table<MapId, Pose3>& team_from_map
           {"team_from_maps", members}};
 }
 
+// How many merges each proposer found: of teams of laser maps, of pairs of others.
+Json proposers_json(const FusionReport& fusion) {
+  std::map<std::pair<std::vector<MapId>, std::vector<MapId>>, std::string> found;
+  for (const Verdict& verdict : fusion.verdicts) {
+    if (verdict.decision != Decision::accepted) continue;
+    if (verdict.merge)
+      found[{verdict.merge->of, verdict.merge->with}] = verdict.merge->proposer;
+    else
+      found[{{verdict.a}, {verdict.b}}] = verdict.proposer;
+  }
+  std::map<std::string, std::size_t> counts;
+  for (const auto& [maps, proposer] : found) ++counts[proposer];
+  return counts;
+}
+
 Json fusion_json(const FusionReport& fusion) {
   Json members = Json::array(), frames = Json::array();
   for (const auto& component : fusion.components) members.push_back(names_json(component));
@@ -184,6 +200,7 @@ Json fusion_json(const FusionReport& fusion) {
           {"merged_pairs", pairs(fusion, Decision::accepted)},
           {"refused_pairs", pairs(fusion, Decision::refused)},
           {"deferred_pairs", pairs(fusion, Decision::deferred)},
+          {"proposers", proposers_json(fusion)},
           {"members", members},
           {"frames", frames}};
 }

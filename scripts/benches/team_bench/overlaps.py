@@ -20,6 +20,7 @@ APART_S = 10.0           # between two stretches, at least
 RIGHT_M, RIGHT_DEG = 0.3, 2.0
 PAIRS = 220              # wanted a level
 NOT_LOOKED_AT = ("mit-killian", "fr-clinic")   # of these no stretch was, when weights were set
+PROPOSERS = ("ring keys", "whole maps", "corners")   # in the order in which they are asked
 MOST_OF_ONE = 12         # pairs of a level that one stretch takes part in
 
 
@@ -81,7 +82,7 @@ def measure(bench, item):
     beliefs = [[verdict["probability"], right(verdict)] for verdict in merges if verdict["b_from_a"] and "x" in verdict["b_from_a"]]
     return {"log": a.log, "level": level, "beliefs": beliefs, "a": a.name, "b": b.name, "overlap": shared,
             "result": result, "off_m": off and off[0], "off_deg": off and off[1],
-            "reason": merges[0]["reason"] if merges else "none", "cpu_s": done.cpu_s}
+            "reason": merges[0]["reason"] if merges else "none", "proposer": merges[0]["proposer"] if merges else "none", "cpu_s": done.cpu_s}
 
 
 def line_of(what, goal, rows):
@@ -116,5 +117,9 @@ def run(bench):
         bench.gate("overlap", f"{level} %: off", sum(row["result"] == "off" for row in some), 0, all(row["result"] != "off" for row in some))
         for what, is_wanted in (("", False), (", left out", True)):
             lines += line_of(f"{level} %{what}", goal, [row for row in kept.values() if row["level"] == level and (row["log"] in NOT_LOOKED_AT) == is_wanted])
+    joined = [row for row in kept.values() if row["result"] in ("right", "off")]
+    shares = [(proposer, *(sum(row.get("proposer") == proposer and row["result"] == result for row in joined) for result in ("right", "off"))) for proposer in PROPOSERS]
+    bench.table("overlap", "Who proposed the joins of the table above", ("proposer", "right", "off", "share of all"),
+                [(proposer, right, off, f"{100 * (right + off) / max(1, len(joined)):.1f} %") for proposer, right, off in shares])
     bench.table("overlap", "Joined rightly (0.3 m, 2 degrees of the joint optimum) by overlap, real logs, no common seconds",
                 ("overlap", "pairs", "right", "share", "goal", "apart", "off", "farthest off, m"), lines)

@@ -114,7 +114,7 @@ std::vector<MergeHypothesis> LaserMerger::grid_hypotheses(const LaserTeam& x, co
 // What is said of two grids, apart from whether they were merged.
 void LaserMerger::describe_grids(std::size_t a, std::size_t b, Verdict& verdict) const {
   const GridAlignments::Pair& pair = *grids_.pair(a, b);
-  verdict.proposer = "walls and free space";
+  verdict.proposer = kGridProposer;
   verdict.alignment = pair.result.alignment;
   verdict.probability = pair.result.probability;
   verdict.overlap = pair.result.evidence.overlap;

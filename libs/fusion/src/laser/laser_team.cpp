@@ -101,7 +101,7 @@ bool LaserMerger::merge_surest() {
   const MergeHypothesis& chosen = best->hypotheses.front();
   LaserTeam& x = teams_[best_x];
   const LaserTeam& z = teams_[best_z];
-  merges_.push_back({x.maps, z.maps, best->probability});
+  merges_.push_back({x.maps, z.maps, best->probability, chosen.is_of_grids ? kGridProposer : to_text(chosen.proposer)});
   x.maps = united(x.maps, z.maps);
   x.matches.insert(x.matches.end(), z.matches.begin(), z.matches.end());
   x.matches.insert(x.matches.end(), chosen.matches.begin(), chosen.matches.end());
@@ -230,7 +230,7 @@ void LaserMerger::merge_all() {
     do {
       while (merge_surest()) is_over(input_);
     } while (ask_more(count, asked) && (any = true));
-    any = any || (!input_.is_preview && propose_whole_maps());
+    any = any || (!input_.is_preview && propose_next());
   }
   for (LaserTeam& team : teams_) close_loops(team);
   split_unconnected();
@@ -284,7 +284,7 @@ std::optional<MergedMaps> LaserMerger::merged_maps(const std::vector<std::size_t
   merged.members = names(maps);
   for (const TeamsMerged& merge : merges_)
     if (contains(maps, merge.one.front()))
-      merged.merges.push_back({names(merge.one), names(merge.other), merge.probability});
+      merged.merges.push_back({names(merge.one), names(merge.other), merge.probability, merge.proposer});
   std::set<Hash> judgements;
   for (const SubmapMatch& match : team->matches) {
     merged.matches.push_back({submap(match.from), submap(match.to), match.from_from_to, match.information,

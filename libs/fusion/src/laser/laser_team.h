@@ -16,6 +16,8 @@
 
 namespace mapweave::fusion {
 
+// What proposed how two grids of other makers lie.
+constexpr const char* kGridProposer = "walls and free space";
 // Log odds that two groups of maps lie as compared; no surer than this either way.
 constexpr double kSurestLogOdds = 20.0;
 constexpr double kCertain = 15.0;       // from which a merge waits for no other
@@ -50,6 +52,7 @@ struct MergeHypothesis {
   double log_odds = 0.0;             // that it is right, by itself
   double prior_log_odds = 0.0;       // of these, what priors add
   bool is_of_grids = false;          // two map_server grids, aligned as a whole
+  Proposer proposer = Proposer::prior;  // the last one whose matches it began with
 };
 
 struct LaserTeam {
@@ -98,7 +101,7 @@ class LaserMerger {
   struct PairState {
     std::vector<SubmapQuestion> open;  // those of a prior, then the most alike first
     std::size_t of_prior = 0;          // how many are a prior's: they are asked beside the others
-    bool is_proposed = false;          // as whole maps
+    Proposer last = Proposer::ring_keys;  // whose questions they are
     double unlikeness = 0.0;  // of the places that the first questions are about; maps with a prior are asked first
     std::vector<SubmapAnswer> answers;
   };
@@ -111,7 +114,7 @@ class LaserMerger {
   };
   std::vector<SubmapQuestion> first_questions(std::size_t a, std::size_t b) const;
   matching::WideWindow window_for(std::size_t map_a, std::size_t a, std::size_t map_b, std::size_t b) const;
-  bool propose_whole_maps();
+  bool propose_next();
   void open_pairs();
   double unlikeness(const std::vector<SubmapQuestion>& questions) const;
   std::vector<MapPair> next_pairs(bool is_first, std::set<MapPair>& asked) const;
@@ -149,6 +152,7 @@ class LaserMerger {
   void split_unconnected();
   bool take_back();
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
+  std::string last_proposer(std::size_t a, std::size_t b) const;
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
   void remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who);
   std::size_t matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const;

@@ -142,7 +142,6 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   PairResult result;
   Verdict& verdict = result.verdict =
       unseen(maps_[a].map->id, maps_[b].map->id, input_.by, maps_[a].is_grid || maps_[b].is_grid ? "grid" : "laser");
-  verdict.proposer = "ring keys";
   const LaserTeam* team = team_of(a);
   const GridAlignments::Pair* grids = grids_.pair(a, b);
   std::vector<SubmapMatch> matches;
@@ -151,6 +150,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
       if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b))
         matches.push_back(match);
   verdict.merge = merge_of(a, b);
+  verdict.proposer = verdict.merge ? verdict.merge->proposer : last_proposer(a, b);
   if (grids != nullptr) {
     describe_grids(a, b, verdict);
     if (matches.empty())
@@ -211,6 +211,12 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
       spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));
   if (grids == nullptr) verdict.alignment = alignment;
   return result;
+}
+
+// Who was heard last of two maps that stayed apart.
+std::string LaserMerger::last_proposer(std::size_t a, std::size_t b) const {
+  const auto state = pairs_.find({a, b});
+  return to_text(state == pairs_.end() ? Proposer::ring_keys : state->second.last);
 }
 
 // What kept two maps apart, and the matches of the best hypothesis: what they were by themselves, unless that would

@@ -66,7 +66,10 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
                       priors_.weight(entry.match));
   for (const Commitment& set : commit(agree, weights, {kMostHypotheses, kLeastSeed, kSearchSteps})) {
     MergeHypothesis& hypothesis = result.emplace_back();
-    for (const std::size_t i : set.agreeing) hypothesis.matches.push_back(entries[i].match);
+    for (const std::size_t i : set.agreeing) {
+      hypothesis.matches.push_back(entries[i].match);
+      hypothesis.proposer = std::max(hypothesis.proposer, entries[i].answer->proposer);
+    }
   }
   return result;
 }

@@ -61,7 +61,7 @@ std::optional<MergedTeam> known(const MergedMaps& given, const Numbers& numbers,
   for (const MergedGroups& groups : given.merges) {
     const auto one = numbers.of(groups.one), other = numbers.of(groups.other);
     if (!one || !other) return std::nullopt;
-    team.merges.push_back({*one, *other, groups.probability});
+    team.merges.push_back({*one, *other, groups.probability, groups.proposer});
   }
   return team;
 }

@@ -13,6 +13,7 @@ namespace mapweave::fusion {
 struct TeamsMerged {
   std::vector<std::size_t> one, other;
   double probability;
+  std::string proposer;  // as in a verdict
 };
 
 struct MergedTeam {

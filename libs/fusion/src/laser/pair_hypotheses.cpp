@@ -115,7 +115,7 @@ std::optional<TeamMerge> LaserMerger::merge_of(std::size_t a, std::size_t b) con
     if ((has(merge.one, a) && has(merge.other, b)) || (has(merge.one, b) && has(merge.other, a))) {
       const bool is_in_order = merge.one.front() < merge.other.front();
       return TeamMerge{ids(is_in_order ? merge.one : merge.other), ids(is_in_order ? merge.other : merge.one),
-                       merge.probability};
+                       merge.probability, merge.proposer};
     }
   }
   return std::nullopt;

@@ -149,30 +149,32 @@ bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
   return true;
 }
 
-// Questions of whole maps that stayed apart, of each with those most like it. False where all were asked.
-bool LaserMerger::propose_whole_maps() {
-  std::vector<std::pair<double, MapPair>> apart;
+// Questions of the next proposer about maps that stayed apart, of each with those most like it. False where all were
+// asked.
+bool LaserMerger::propose_next() {
+  std::vector<std::tuple<Proposer, double, MapPair>> apart;
   for (const auto& [pair, state] : pairs_)
-    if (!state.is_proposed && refused_.count(pair) == 0 && !grids_.is_grid(pair.first) &&
+    if (state.last < options_.last_proposer && refused_.count(pair) == 0 && !grids_.is_grid(pair.first) &&
         !grids_.is_grid(pair.second) && team_of(pair.first) != team_of(pair.second) && !is_known_to_repeat(pair))
-      apart.emplace_back(state.unlikeness, pair);
+      apart.emplace_back(state.last, state.unlikeness, pair);
+  if (apart.empty()) return false;
   std::sort(apart.begin(), apart.end());
   std::vector<std::size_t> times(maps_.size(), 0);
   bool any = false;
   const PoseOfSubmap as_mapped = [&](std::size_t map, std::size_t s) { return maps_[map].map_from_submap[s]; };
   for (const auto& entry : apart) {
-    const auto& [a, b] = entry.second;
-    PairState& state = pairs_.at(entry.second);
-    state.is_proposed = true;
+    const auto& [a, b] = std::get<2>(entry);
+    PairState& state = pairs_.at(std::get<2>(entry));
+    state.last = state.last == Proposer::ring_keys ? Proposer::whole_maps : Proposer::corners;
     if (std::min(times[a], times[b]) >= kMostLater) continue;
     if (is_over(input_)) return false;
     ++times[a];
     ++times[b];
     const auto in_a = placed({a}, as_mapped), in_b = placed({b}, as_mapped);
-    state.open = proposals_.questions(a, b, in_a, in_b, sight_of({&in_a, &in_b}));
+    state.open = proposals_.questions(a, b, state.last, in_a, in_b, sight_of({&in_a, &in_b}));
     any = any || !state.open.empty();
   }
-  return any;
+  return any || propose_next();
 }
 
 void LaserMerger::open_pairs() {

@@ -72,7 +72,7 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
     std::sort(near.begin(), near.end());
     for (std::size_t k = 0; k < std::min(kNearest, near.size()); ++k) {
       const auto& [distance, print, i, sigma_m] = near[k];
-      SubmapQuestion question{graph_.number(a, i), graph_.number(b, j), {}};
+      SubmapQuestion question{graph_.number(a, i), graph_.number(b, j), {}, Thoroughness::whole, Proposer::prior};
       question.from_from_to.a_from_b = between(one.map_from_submap[i], compose(a_from_b, other.map_from_submap[j]));
       question.from_from_to.radius_m = std::clamp(kSigmas * sigma_m, 0.5, kFarthestReach_m);
       question.from_from_to.yaw_rad = std::min(M_PI, 0.04 + kSigmas * prior->sigma_rad);

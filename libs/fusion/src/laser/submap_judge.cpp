@@ -56,6 +56,11 @@ std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions)
 
 }  // namespace
 
+std::string to_text(Proposer proposer) {
+  static constexpr const char* kNames[] = {"prior", "ring keys", "whole maps", "corners"};
+  return kNames[static_cast<std::size_t>(proposer)];
+}
+
 std::shared_ptr<const WallSight> SubmapJudge::made(std::size_t submap) const {
   const PreparedMap& map = maps_[graph_.map_of(submap)];
   const Submap& known = submap_of(map, graph_.submap_of(submap));
@@ -89,7 +94,7 @@ void SubmapJudge::prepare_sights(const std::vector<std::size_t>& submaps) {
 }
 
 SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgement& judgement) const {
-  SubmapAnswer answer{question.from, question.to, judgement, {}, false};
+  SubmapAnswer answer{question.from, question.to, judgement, {}, false, question.proposer};
   if (vetoed_.count(judgement.id) != 0) return answer;
   const bool is_sure = judgement.doubt == Reason::none;
   if (!is_sure && judgement.doubt != Reason::ambiguous && judgement.doubt != Reason::unobservable) return answer;

@@ -18,10 +18,13 @@ namespace mapweave::fusion {
 // they lie.
 enum class Thoroughness : std::uint8_t { whole, part, least_part };
 
+std::string to_text(Proposer);
+
 struct SubmapQuestion {
   std::size_t from = 0, to = 0;       // numbers of submaps
   matching::WideWindow from_from_to;  // where to search
   Thoroughness wanted = Thoroughness::whole;
+  Proposer proposer = Proposer::ring_keys;
 };
 
 struct SubmapAnswer {
@@ -30,6 +33,7 @@ struct SubmapAnswer {
   std::vector<SubmapMatch> hypotheses;  // best first; none where the judge saw walls that contradict
   // Whether the best one may be a constraint of the graph: it is probable, and at most open along a corridor.
   bool holds = false;
+  Proposer proposer = Proposer::ring_keys;
 };
 
 // What makes judging fast, and never changes an answer.

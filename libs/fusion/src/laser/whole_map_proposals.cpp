@@ -2,6 +2,7 @@
 
 #include <mapweave/fusion/wall_weights.h>
 #include <mapweave/maps/alignment.h>
+#include <mapweave/matching/corner_proposals.h>
 
 #include <algorithm>
 #include <cmath>
@@ -70,23 +71,42 @@ std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(const std::vector<
   return questions;
 }
 
-std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::size_t b,
+std::vector<Pose2> WholeMapProposals::proposed(Proposer proposer, std::pair<std::size_t, std::size_t> pair,
+                                               const matching::GridWalls& first, const matching::GridWalls& second) {
+  std::vector<Pose2>& by_images = proposed_[pair];
+  if (proposer == Proposer::whole_maps) {
+    matching::GridProposalOptions options;
+    options.scale_range = 0.0;
+    options.most = kMost;
+    options.contradiction = kContradictionWeight;
+    for (const matching::GridProposal& proposal : matching::propose_alignments(first, second, options))
+      by_images.push_back(proposal.a_from_b.pose);
+    return by_images;
+  }
+  std::vector<Pose2> by_corners;
+  for (const matching::CornerProposal& proposal :
+       matching::propose_by_corners(first, second, kMost, kContradictionWeight))
+    if (std::none_of(by_images.begin(), by_images.end(), [&](const Pose2& known) {
+          const Pose2 apart = between(known, proposal.a_from_b);
+          return std::hypot(apart.x, apart.y) < kRadius_m && std::abs(apart.phi) < kYaw_rad;
+        }))
+      by_corners.push_back(proposal.a_from_b);
+  return by_corners;
+}
+
+std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::size_t b, Proposer proposer,
                                                          const std::vector<PlacedSubmap>& submaps_a,
                                                          const std::vector<PlacedSubmap>& submaps_b,
                                                          const SightOf& sight_of) {
   if (submaps_a.empty() || submaps_b.empty()) return {};
-  matching::GridProposalOptions options;
-  options.scale_range = 0.0;
-  options.most = kMost;
-  options.contradiction = kContradictionWeight;
   const matching::GridWalls &in_a = walls(a, submaps_a, sight_of), &in_b = walls(b, submaps_b, sight_of);
   // The same whatever the maps are called.
   const bool swapped = maps_[b].fingerprints < maps_[a].fingerprints;
   std::vector<SubmapQuestion> questions;
-  for (const matching::GridProposal& proposal : swapped ? matching::propose_alignments(in_b, in_a, options)
-                                                        : matching::propose_alignments(in_a, in_b, options)) {
-    const Pose2 a_from_b = swapped ? inverse(proposal.a_from_b.pose) : proposal.a_from_b.pose;
-    const auto some = of_most_shared(submaps_a, submaps_b, a_from_b, kRadius_m, kYaw_rad, sight_of);
+  for (const Pose2& pose : proposed(proposer, {a, b}, swapped ? in_b : in_a, swapped ? in_a : in_b)) {
+    auto some =
+        of_most_shared(submaps_a, submaps_b, swapped ? inverse(pose) : pose, kRadius_m, kYaw_rad, sight_of);
+    for (SubmapQuestion& question : some) question.proposer = proposer;
     questions.insert(questions.end(), some.begin(), some.end());
   }
   return questions;

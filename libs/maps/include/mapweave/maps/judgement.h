@@ -106,6 +106,7 @@ struct PriorCheck {
 struct TeamMerge {
   std::vector<MapId> of, with;  // sorted; the first one's lowest id is the lowest
   double probability = 0.0;     // that it is right, as it was decided
+  std::string proposer;         // as in a verdict
 };
 
 // Two maps that lie in one team map, whether they were matched to each other or not.
@@ -120,7 +121,7 @@ struct Verdict {
   MapId a, b;  // a < b
   TierId by;
   std::string kind = "laser";  // laser, vision, laser and vision, grid
-  std::string proposer;        // what proposed the alignment: "descriptor", "exhaustive", ...
+  std::string proposer;        // what proposed the alignment: "ring keys", "whole maps", "corners", "prior", "words", ...
   Decision decision = Decision::deferred;
   Reason reason = Reason::none;
   std::optional<Alignment>

@@ -25,6 +25,7 @@ struct MatchedSubmaps {
 struct MergedGroups {
   std::vector<MapId> one, other;  // sorted
   double probability = 0.0;
+  std::string proposer;  // as in a verdict
 };
 
 struct MergedMaps {
