@@ -20,7 +20,7 @@ MergedMaps merged_maps() {
   MergedMaps merged;
   merged.members = {MapId("alpha"), MapId("beta"), MapId("gamma")};
   merged.merges.push_back({{MapId("alpha")}, {MapId("beta")}, 0.75, "corners"});
-  merged.merges.push_back({{MapId("gamma")}, {MapId("alpha"), MapId("beta")}, 1.0});
+  merged.merges.push_back({{MapId("gamma")}, {MapId("alpha"), MapId("beta")}, 1.0, "ring keys"});
   Judgement judgement;
   judgement.id = hash_of(7);
   judgement.a = {kAlpha, 0};

@@ -106,12 +106,12 @@ TEST(Report, says_which_merge_put_maps_into_one) {
   Verdict direct = verdict(Decision::accepted);
   direct.probability = 0.21;
   direct.in_one_map = InOneMap{{}, {MapId("gamma")}};
-  direct.merge = TeamMerge{{MapId("alpha"), MapId("gamma")}, {MapId("beta")}, 0.996};
+  direct.merge = TeamMerge{{MapId("alpha"), MapId("gamma")}, {MapId("beta")}, 0.996, "ring keys"};
   EXPECT_THAT(in_words(direct), testing::StartsWith("alpha + beta: merged directly, and through gamma (the merge of "
                                                     "alpha + gamma with beta has probability 1.00; "
                                                     "these two maps by themselves: probability 0.21, overlap 0 %"));
   direct.in_one_map->through.clear();
-  direct.merge = TeamMerge{{MapId("alpha")}, {MapId("beta")}, 0.21};
+  direct.merge = TeamMerge{{MapId("alpha")}, {MapId("beta")}, 0.21, "ring keys"};
   EXPECT_EQ(in_words(direct), "alpha + beta: merged (probability 0.21, overlap 0 %, conflict 0.0 %, 1 place agrees)");
 
   Verdict through = verdict(Decision::deferred, Reason::little_evidence);
