@@ -89,7 +89,7 @@ TEST(CornerProposals, think_less_of_a_mirror_image) {
   const GridWalls flat = walls_of(grid_of(kFlat));
   const auto right = propose_by_corners(flat, flat, 6, 0.5), wrong = propose_by_corners(flat, mirrored(flat), 6, 0.5);
   ASSERT_FALSE(right.empty());
-  if (!wrong.empty()) EXPECT_LT(wrong.front().score_m, 0.6 * right.front().score_m);
+  EXPECT_LT(wrong.empty() ? 0.0 : wrong.front().score_m, 0.6 * right.front().score_m);
 }
 
 TEST(CornerProposals, are_distinct_sorted_and_no_more_than_wanted) {

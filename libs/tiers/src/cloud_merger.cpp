@@ -129,7 +129,6 @@ fusion::FusionInput CloudMerger::input() const {
   input.refused = refused_;
   input.models = models_;
   input.merged = merged_;
-  input.refused = refused_;
   input.maps = starts_;
   for (const auto& [id, inbox] : inboxes_) {
     if (const Receipt receipt = inbox.receipt(); receipt.awaited > 0)

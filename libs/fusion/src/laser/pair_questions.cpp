@@ -165,7 +165,7 @@ bool LaserMerger::propose_next() {
   for (const auto& entry : apart) {
     const auto& [a, b] = std::get<2>(entry);
     PairState& state = pairs_.at(std::get<2>(entry));
-    state.last = state.last == Proposer::ring_keys ? Proposer::whole_maps : Proposer::corners;
+    state.last = state.last == Proposer::ring_keys ? Proposer::corners : Proposer::whole_maps;
     if (std::min(times[a], times[b]) >= kMostLater) continue;
     if (is_over(input_)) return false;
     ++times[a];

@@ -57,7 +57,7 @@ std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions)
 }  // namespace
 
 std::string to_text(Proposer proposer) {
-  static constexpr const char* kNames[] = {"prior", "ring keys", "whole maps", "corners"};
+  static constexpr const char* kNames[] = {"prior", "ring keys", "corners", "whole maps"};
   return kNames[static_cast<std::size_t>(proposer)];
 }
 

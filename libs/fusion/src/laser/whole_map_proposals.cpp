@@ -73,25 +73,27 @@ std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(const std::vector<
 
 std::vector<Pose2> WholeMapProposals::proposed(Proposer proposer, std::pair<std::size_t, std::size_t> pair,
                                                const matching::GridWalls& first, const matching::GridWalls& second) {
-  std::vector<Pose2>& by_images = proposed_[pair];
-  if (proposer == Proposer::whole_maps) {
-    matching::GridProposalOptions options;
-    options.scale_range = 0.0;
-    options.most = kMost;
-    options.contradiction = kContradictionWeight;
-    for (const matching::GridProposal& proposal : matching::propose_alignments(first, second, options))
-      by_images.push_back(proposal.a_from_b.pose);
-    return by_images;
+  std::vector<Pose2>& by_corners = by_corners_[pair];
+  if (proposer == Proposer::corners) {
+    for (const matching::CornerProposal& proposal :
+         matching::propose_by_corners(first, second, kMost, kContradictionWeight))
+      by_corners.push_back(proposal.a_from_b);
+    return by_corners;
   }
-  std::vector<Pose2> by_corners;
-  for (const matching::CornerProposal& proposal :
-       matching::propose_by_corners(first, second, kMost, kContradictionWeight))
-    if (std::none_of(by_images.begin(), by_images.end(), [&](const Pose2& known) {
-          const Pose2 apart = between(known, proposal.a_from_b);
+  matching::GridProposalOptions options;
+  options.scale_range = 0.0;
+  options.most = kMost;
+  options.contradiction = kContradictionWeight;
+  std::vector<Pose2> by_images;
+  for (const matching::GridProposal& proposal : matching::propose_alignments(first, second, options)) {
+    const Pose2& pose = proposal.a_from_b.pose;
+    if (std::none_of(by_corners.begin(), by_corners.end(), [&](const Pose2& known) {
+          const Pose2 apart = between(known, pose);
           return std::hypot(apart.x, apart.y) < kRadius_m && std::abs(apart.phi) < kYaw_rad;
         }))
-      by_corners.push_back(proposal.a_from_b);
-  return by_corners;
+      by_images.push_back(pose);
+  }
+  return by_images;
 }
 
 std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::size_t b, Proposer proposer,

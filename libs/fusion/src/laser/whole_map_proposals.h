@@ -1,6 +1,6 @@
 #pragma once
 // Where two laser maps may lie on each other, as whole images: what shares too little with any one submap to be found
-// by submaps. The same proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale, then
+// by submaps. The same proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale, after
 // those of corners (matching/corner_proposals.h); submaps that they lay on each other are judged.
 
 #include "seen_raster.h"
@@ -17,7 +17,7 @@ class WholeMapProposals {
   // Everything must outlive it.
   WholeMapProposals(const std::vector<PreparedMap>& maps, const SubmapGraph& graph) : maps_(maps), graph_(graph) {}
   // Narrow questions about the submaps of two maps, those of the best proposal first. Submaps lie as their own map has
-  // them. `corners` leaves out what `whole_maps` proposed before.
+  // them. `whole_maps` leaves out what `corners` proposed before.
   std::vector<SubmapQuestion> questions(std::size_t a, std::size_t b, Proposer proposer,
                                         const std::vector<PlacedSubmap>& submaps_a,
                                         const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of);
@@ -39,7 +39,7 @@ class WholeMapProposals {
   const std::vector<PreparedMap>& maps_;
   const SubmapGraph& graph_;
   std::map<std::size_t, matching::GridWalls> walls_;
-  std::map<std::pair<std::size_t, std::size_t>, std::vector<Pose2>> proposed_;  // by whole maps
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<Pose2>> by_corners_;
 };
 
 }  // namespace mapweave::fusion

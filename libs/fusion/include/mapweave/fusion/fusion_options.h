@@ -57,14 +57,14 @@ struct VisualFusionOptions {
 };
 
 // What says where two laser maps may lie on each other, in the order in which they are asked: the next one where the
-// two stay apart. `ring_keys`: submaps that look alike; `whole_maps`: walls and free space of both as images
-// (matching/grid_proposals.h); `corners`: matching/corner_proposals.h.
-enum class Proposer : std::uint8_t { prior, ring_keys, whole_maps, corners };
+// two stay apart. `ring_keys`: submaps that look alike; `corners`: matching/corner_proposals.h; `whole_maps`: walls and
+// free space of both as images (matching/grid_proposals.h).
+enum class Proposer : std::uint8_t { prior, ring_keys, corners, whole_maps };
 
 struct FusionOptions {
   int candidates_per_submap = 4;
   int most_pairs = 400;
-  Proposer last_proposer = Proposer::corners;
+  Proposer last_proposer = Proposer::whole_maps;
   double stride_m = 4.0;
   double consistency_m = 0.35;
   double consistency_per_m = 0.02;
@@ -92,10 +92,10 @@ struct FusionOptions {
               "most pairs of submaps that are compared for one pair of laser maps; larger values find more common "
               "places and take longer");
     v.choice("last_proposer", last_proposer,
-             {{"ring-keys", Proposer::ring_keys}, {"whole-maps", Proposer::whole_maps}, {"corners", Proposer::corners}},
+             {{"ring-keys", Proposer::ring_keys}, {"corners", Proposer::corners}, {"whole-maps", Proposer::whole_maps}},
              "last of the searches for where two laser maps that stay apart may lie on each other: ring-keys (submaps "
-             "that look alike), then whole-maps (images of walls and free space), then corners (corners of walls, "
-             "aligned by PCL); later ones find more merges and take longer");
+             "that look alike), then corners (corners of walls, aligned by PCL), then whole-maps (images of walls and "
+             "free space); later ones find more merges and take longer");
     v.non_negative("stride_m", stride_m,
                    "distance in metres between the submaps of one map that take part in the first search, each of "
                    "which represents its neighbours; larger values are faster and may miss common places, 0 takes all");
