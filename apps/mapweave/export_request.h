@@ -31,7 +31,7 @@ ExportRequest possible(ExportRequest, const Map&);
 // The robots of that depth.
 std::vector<RobotId> without_log(const ExportRequest&, const Map&);
 
-// Whether a laser's scans or a grid tell of walls, so that one can be drawn.
+// Whether a laser's scans or a grid show walls, so that one can be drawn.
 bool has_walls(const Map&);
 
 // One robot of a team, where the team has it. Throws Error(kUsage), naming the map's robots, for one that it has not.

@@ -20,7 +20,7 @@ struct TrajectoryJudging {
   evaluation::TrajectoryErrorOptions error;        // its `align` is not asked
   evaluation::RelativeErrorOptions relative;
   Pose3 robot_from_sensor;        // where the reference follows a sensor and the estimate the robot
-  bool removes_rotation = false;  // a constant rotation between both is taken out, not only told
+  bool removes_rotation = false;  // a constant rotation between both is taken out, not only reported
 };
 
 struct JudgedRun {

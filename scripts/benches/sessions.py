@@ -3,7 +3,7 @@
 Needs the program (scripts/build). A robot with a depth camera drives through one flat in five sessions. From session to session, three of ten pieces of furniture are gone or others, and it is day, or night with
 lamps (a twelfth of the light). Without the server each session is mapped alone; with it, session k begins with the maps of the sessions before (--map) and shares by server.share=view. Then three clients drive at the same time, as
 in CVS's figure 5. Writes the tables between <!-- bench:sessions --> and <!-- /bench --> of datasets/RESULTS.md, out/bench/sessions.json and plots (PNG) and report.html beside it. A session that does not join those
-before, one that hears nothing of them, more lost frames or a larger mean error with the server than without, and more bytes than the goals end with exit code 5. Takes ten minutes; --quick three (two short sessions).
+before, one that receives nothing of them, more lost frames or a larger mean error with the server than without, and more bytes than the goals end with exit code 5. Takes ten minutes; --quick three (two short sessions).
 """
 import json
 import statistics
@@ -145,9 +145,9 @@ def problems(rows, found, all_m):
         some.append(f"three clients made {found['components']} maps")
     for name, client in found["clients"].items():
         if not client["traffic"] or client["heard"] == 0:
-            some.append(f"{name} heard nothing of the server")
+            some.append(f"{name} received nothing of the server")
         some += [f"{name} {verb} {client[key] / 1e3 / client['seconds']:.0f} kB/s; the goal is {goal:.0f}"
-                 for key, verb, goal in (("sent", "sent", GOAL_UP), ("heard", "heard", GOAL_DOWN)) if client[key] / 1e3 / client["seconds"] > goal]
+                 for key, verb, goal in (("sent", "sent", GOAL_UP), ("heard", "received", GOAL_DOWN)) if client[key] / 1e3 / client["seconds"] > goal]
     return some
 
 

@@ -164,7 +164,7 @@ TEST(BundleAdjustment, leaves_fixed_views_and_points_alone) {
   EXPECT_NE(ring.drifted.points[8], before.points[8]);
 }
 
-// Landmarks that others lend hold a window that no view of its own holds.
+// Landmarks that others share hold a window that no view of its own holds.
 TEST(BundleAdjustment, is_held_by_points_that_are_fixed) {
   Ring ring;
   ring.drifted.points = ring.truth.points;

@@ -31,7 +31,7 @@ std::vector<Piece> pieces_by_path(const std::vector<PosePair>& pairs, const Rela
   if (options.all_pairs) {
     for (std::size_t i = 0; i + 1 < pairs.size(); ++i) {
       const auto off_by = [&](std::size_t j) { return std::abs(path_m[j] - path_m[i] - options.delta); };
-      // way_m never falls: the best is the first at or past the goal, or the first of those as far along as the one
+      // path_m never falls: the best is the first at or past the goal, or the first of those as far along as the one
       // before it.
       const auto rest = path_m.begin() + static_cast<std::ptrdiff_t>(i) + 1;
       auto best = std::lower_bound(rest, path_m.end(), path_m[i] + options.delta);

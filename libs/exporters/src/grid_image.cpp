@@ -21,7 +21,7 @@ struct Window {
   std::int64_t first_column = 0, first_row = 0, columns = 0, rows = 0;
 };
 
-// First and last place that hold all but `kStray` of the known cells at either end: single rays that left by a window
+// First and last place that hold all but `kOutlier` of the known cells at either end: single rays that left by a window
 // would shrink the building to a corner of its picture. The rim around the window gives back more than this takes from
 // what is solid.
 std::pair<std::int64_t, std::int64_t> without_outliers(const std::vector<std::int64_t>& known) {

@@ -54,7 +54,7 @@ void InertialCalibration::add_heading(std::optional<double> heading_rad) {
   current_ = {};
 }
 
-// Headings are known but for whole circles, which the steps between them tell.
+// Headings are known but for whole circles, which follow from the steps between them.
 void InertialCalibration::close(double heading_rad) {
   Stretch stretch = current_;
   stretch.matched_rad += wrap_angle(heading_rad - *start_ - current_.matched_rad);

@@ -49,7 +49,7 @@ void OdometryCheck::begin(Stamp stamp, const std::vector<matching::WallPoint>& p
   reference_->field.settle();
 }
 
-// The motion since the reference; nullopt where the scans do not tell it.
+// The motion since the reference; nullopt where the scans do not show it.
 std::optional<Pose2> OdometryCheck::match(const std::vector<matching::WallPoint>& points) const {
   const auto found = matching::correlate(reference_->field, points, {}, {kWindow_m, kWindow_rad, kWindowStep_rad},
                                          {kWindow_m, kWindow_rad});

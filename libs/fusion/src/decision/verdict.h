@@ -1,8 +1,9 @@
 #pragma once
-// Every decision about two maps, with its reason: merged, refused, or left open. Others count what speaks for and
-// against a merge; what follows from the counts is decided here and nowhere else. What a judge doubts of two places or
-// of two grids it says in its judgement (matching/judge.h, grid_pair.h), and that doubt may become a verdict's reason
-// here.
+// Every verdict about two maps, with its reason: merged, refused, or left open. Others count what speaks for and
+// against a merge; what follows from the counts is decided here, for cameras and for both senses together. Lasers and
+// grids merge by whole maps (laser/merge_evaluation.cpp, grid/grid_pair.cpp): here is said what that means for a pair.
+// What a judge doubts of two places or of two grids it says in its judgement (matching/judge.h, grid_pair.h), and that
+// doubt may become a verdict's reason here.
 
 #include <mapweave/fusion/fusion_options.h>
 #include <mapweave/maps/judgement.h>

@@ -336,7 +336,7 @@ struct Common {
   std::array<std::vector<WallPoint>, 2> known;        // that the other side saw anything of
 };
 
-// Of the fullest regions, which tell enough: what coincides there and would not elsewhere.
+// Of the fullest regions, which are enough: what coincides there and would not elsewhere.
 double distinctive_in(const std::map<std::size_t, Common>& common, const Comparison& comparison, bool with_mirror,
                       const std::vector<std::vector<PlacedSubmap>>& sides, const SightOf& sight_of) {
   std::vector<std::size_t> informative;

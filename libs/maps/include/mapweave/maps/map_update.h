@@ -46,7 +46,7 @@ struct MapUpdate {
   std::vector<NodeId> forgotten_nodes;
   std::vector<LandmarkId> forgotten_landmarks;
   // Planar poses and constraints that floats hold exactly are written as floats (form 7): for maps whose numbers were
-  // rounded to them. Not part of the Map, and not told by decode.
+  // rounded to them. Not part of the Map; decode does not set it.
   bool in_floats = false;
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 // One pose of a robot from its laser, its cameras and its wheels, as it comes (CVS III): at each stamp what a user of
-// the robot would have been told then. Nothing is smoothed afterwards: loop closures show as jumps.
+// the robot would have received then. Nothing is smoothed afterwards: loop closures show as jumps.
 
 #include <mapweave/core/stamped_pose.h>
 
@@ -83,7 +83,7 @@ struct FusedPoseReport {
   double longest_on_wheels_s = 0.0;  // while no sensor knew
   double longest_gap_s = 0.0;        // between two poses
   double largest_jump_m = 0.0, largest_jump_rad = 0.0;
-  std::optional<double> scale;  // of a single camera, once wheels told it
+  std::optional<double> scale;  // of a single camera, once wheels gave it
   bool is_metric = true;        // false: in the units of a single camera
 };
 
