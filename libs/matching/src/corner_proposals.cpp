@@ -14,8 +14,8 @@ namespace {
 constexpr double kVoteCell_m = 1.0, kVoteCell_rad = 8.0 * M_PI / 180.0;
 constexpr double kOpeningsAlike_rad = 20.0 * M_PI / 180.0;
 constexpr std::size_t kFewestVotes = 2;
-constexpr std::size_t kMostPlaces = 40;   // that are laid on by their corners
-constexpr std::size_t kMostRefined = 10;  // of them by their walls
+constexpr std::size_t kMostPlaces = 1000; // that are laid on by their corners
+constexpr std::size_t kMostRefined = 60;  // of them by their walls
 // Corners that lie on each other.
 constexpr double kSameCorner_m = 0.8, kSameCorner_rad = 20.0 * M_PI / 180.0;
 constexpr std::size_t kFewestFaces = 10;

@@ -15,6 +15,7 @@ constexpr int kMost = 6;                           // proposals of two maps
 constexpr double kLeastShared_m = 2.0;             // walls of one submap near walls of another
 constexpr std::size_t kMostQuestions = 6;          // of a proposal
 constexpr double kRadius_m = 1.5, kYaw_rad = 0.1;  // how wrong a proposal may be at one of its submaps: maps bend
+constexpr double kSame_m = 0.5, kSame_rad = 0.03;  // nearer proposals lead to the same questions, about
 
 // Walls of a submap that another one has, about.
 double coinciding_m(const PlacedSubmap& of, const Pose2& in_from_of, const WallSight& in) {
@@ -89,7 +90,7 @@ std::vector<Pose2> WholeMapProposals::proposed(Proposer proposer, std::pair<std:
     const Pose2& pose = proposal.a_from_b.pose;
     if (std::none_of(by_corners.begin(), by_corners.end(), [&](const Pose2& known) {
           const Pose2 apart = between(known, pose);
-          return std::hypot(apart.x, apart.y) < kRadius_m && std::abs(apart.phi) < kYaw_rad;
+          return std::hypot(apart.x, apart.y) < kSame_m && std::abs(apart.phi) < kSame_rad;
         }))
       by_images.push_back(pose);
   }
