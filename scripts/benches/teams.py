@@ -13,11 +13,12 @@ Needs the program (scripts/build; vision also team_benchmark) and laser/ below M
   halmstad   grids of other makers
   reliability  how often verdicts of rooms, strangers and overlap are right, by their probability: what those parts kept
 Robots' own maps are made once and kept (out/bench/teams/maps). Writes tables between <!-- bench:trust --> and <!-- /bench --> of datasets/RESULTS.md. Rows go to
-out/bench/teams.json; a partial run keeps the others. Pictures of every
+out/bench/teams.json; a partial run keeps the others, and tables of parts that were not run stay as they are. Pictures of every
 wrong or apart pair: out/bench/teams/pictures. Exit code 5 where a goal is missed. Everything takes hours; every part can be run by itself and in part.
 """
 import importlib
 import pathlib
+import re
 
 from benches import common
 from benches.team_bench import inputs
@@ -73,6 +74,11 @@ def add_arguments(parser):
     parser.add_argument("--no-pictures", action="store_true", help="of teams that are wrong or apart")
 
 
+def tables_of(text):
+    """{title: table} of what stands in RESULTS.md: parts that were not run, here or ever on this machine, stay."""
+    return {title: table.strip() for title, table in re.findall(r"^([^|\n][^\n]*):\n\n((?:\|[^\n]*\n)+)", text, re.MULTILINE)}
+
+
 def run(arguments):
     from benches.team_bench.bench import Bench
     arguments.logs_chosen = arguments.logs is not None
@@ -82,8 +88,9 @@ def run(arguments):
     bench = Bench(arguments)
     for part in arguments.part:
         importlib.import_module("benches.team_bench." + {**PARTS, **MAPS}[part]).run(bench)
-    text = bench.tables(PARTS)
-    if text and not arguments.dry_run:
+    tables = {**tables_of(common.results_text("trust")), **bench.tables(PARTS)}
+    if not arguments.dry_run:
+        text = "\n\n".join(f"{title}:\n\n{table}" for title, table in tables.items())
         common.write_results("trust", text + f"\n\nMeasured by `scripts/bench teams` on {common.machine()}.")
     for line in bench.missed:
         print("missed:", line)

@@ -87,9 +87,9 @@ class Bench:
         self._write(stored)
 
     def tables(self, parts):
-        """What was printed last of each part, in this order."""
+        """{title: table}: what was printed last of each part, in this order."""
         kept = self._stored().get("tables", {})
-        return "\n\n".join(f"{title}:\n\n{text}" for part in parts for title, text in kept.get(part, {}).items())
+        return {title: text for part in parts for title, text in kept.get(part, {}).items()}
 
     def gate(self, part, what, value, goal, holds):
         """Says whether a goal is met; a missed one is remembered."""
