@@ -1,7 +1,7 @@
 #pragma once
 // Where two laser maps may lie on each other, as whole images: what shares too little with any one submap to be found
-// by submaps. The same proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale, after
-// those of corners (matching/corner_proposals.h); submaps that they lay on each other are judged.
+// by submaps. The same proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale,
+// after those of corners (matching/corner_proposals.h); submaps that they lay on each other are judged.
 
 #include "seen_raster.h"
 #include "submap_judge.h"
