@@ -79,7 +79,7 @@ TEST(LaserTeam, compares_a_map_with_those_most_like_it_first) {
   }
 }
 
-TEST(LaserTeam, says_who_proposed_a_merge_and_who_was_heard_last) {
+TEST(LaserTeam, says_who_proposed_a_merge_and_who_was_asked_last) {
   const auto team = apartment(2, 0.6);
   EXPECT_EQ(fused(mapped(team)).verdicts[0].proposer, "ring keys");
   auto image = mirrored(team.robots[0]);

@@ -3,8 +3,9 @@
 #include "point_registration.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <tuple>
 
 namespace mapweave::matching {
@@ -14,15 +15,58 @@ namespace {
 constexpr double kVoteCell_m = 1.0, kVoteCell_rad = 8.0 * M_PI / 180.0;
 constexpr double kOpeningsAlike_rad = 20.0 * M_PI / 180.0;
 constexpr std::size_t kFewestVotes = 2;
-constexpr std::size_t kMostPlaces = 1000;  // that are laid on by their corners
-constexpr std::size_t kMostRefined = 60;   // of them by their walls
+constexpr std::size_t kMostPlaces = 1000;  // that are looked at: in a large building chance has as many votes
+constexpr std::size_t kMostRefined = 60;   // of them by their corners and walls
 // Corners that lie on each other.
 constexpr double kSameCorner_m = 0.8, kSameCorner_rad = 20.0 * M_PI / 180.0;
 constexpr std::size_t kFewestFaces = 10;
 constexpr std::size_t kSomeFaces = 400;  // that stand for all of a map: bounds time
-constexpr double kOnWall_m = 0.25;       // walls of two maps that bend
 constexpr double kDeep_m = 0.5;          // from here on free space contradicts a wall
 constexpr double kApart_m = 2.5, kApart_rad = 8.0 * M_PI / 180.0;
+
+// Where walls are, and which way they face, at a glance.
+class FaceRaster {
+ public:
+  explicit FaceRaster(const std::vector<WallPoint>& faces) {
+    for (const WallPoint& face : faces) {
+      x0_ = std::min(x0_, cell_of(face.x) - 1);
+      y0_ = std::min(y0_, cell_of(face.y) - 1);
+      x1_ = std::max(x1_, cell_of(face.x) + 1);
+      y1_ = std::max(y1_, cell_of(face.y) + 1);
+    }
+    columns_ = x1_ - x0_ + 1;
+    sectors_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(y1_ - y0_ + 1), 0);
+    for (const WallPoint& face : faces) {
+      const int sector = sector_of(face);
+      const auto facing = static_cast<std::uint16_t>(bit(sector - 1) | bit(sector) | bit(sector + 1));
+      for (int y = cell_of(face.y) - 1; y <= cell_of(face.y) + 1; ++y)
+        for (int x = cell_of(face.x) - 1; x <= cell_of(face.x) + 1; ++x) sectors_[index(x, y)] |= facing;
+    }
+  }
+  bool has(const WallPoint& face) const {
+    const int x = cell_of(face.x), y = cell_of(face.y);
+    if (x < x0_ || y < y0_ || x > x1_ || y > y1_) return false;
+    return (sectors_[index(x, y)] & bit(sector_of(face))) != 0;
+  }
+
+ private:
+  static constexpr double kCell_m = 0.17;  // a face reaches into the cells beside its own
+  static constexpr int kSectors = 16;
+  static int cell_of(float metres) { return static_cast<int>(std::floor(static_cast<double>(metres) / kCell_m)); }
+  static int sector_of(const WallPoint& face) {
+    const double turns = std::atan2(face.normal_y, face.normal_x) / (2.0 * M_PI);
+    return static_cast<int>(std::floor((turns - std::floor(turns)) * kSectors)) % kSectors;
+  }
+  static std::uint16_t bit(int sector) {
+    return static_cast<std::uint16_t>(1U << static_cast<unsigned>((sector + kSectors) % kSectors));
+  }
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y - y0_) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(x - x0_);
+  }
+
+  int x0_ = std::numeric_limits<int>::max(), y0_ = x0_, x1_ = std::numeric_limits<int>::min(), y1_ = x1_, columns_ = 0;
+  std::vector<std::uint16_t> sectors_;  // that walls in and beside a cell face
+};
 
 std::vector<WallPoint> some_of(const std::vector<WallPoint>& faces, std::size_t most) {
   if (faces.size() <= most) return faces;
@@ -51,8 +95,8 @@ class CornerSearch {
         corners_b_(corners_of(b)),
         faces_a_(some_of(a.faces, kSomeFaces)),
         faces_b_(some_of(b.faces, kSomeFaces)),
-        walls_a_(a.faces),
-        walls_b_(b.faces) {
+        raster_a_(a.faces),
+        raster_b_(b.faces) {
     for (const WallCorner& corner : corners_b_) {
       middle_b_.x += corner.at.x / static_cast<float>(corners_b_.size());
       middle_b_.y += corner.at.y / static_cast<float>(corners_b_.size());
@@ -61,19 +105,15 @@ class CornerSearch {
 
   std::vector<CornerProposal> best(std::size_t most) const {
     std::vector<CornerProposal> found;
-    for (const Pose2& voted : voted_places()) {
-      const Pose2 on_corners = laid_on_corners(voted);
-      found.push_back({on_corners, score_m(on_corners)});
-    }
+    for (const Pose2& voted : voted_places()) found.push_back({voted, score_m(voted)});
     sort(found);
-    found = distinct(found, kMostRefined);
+    if (found.size() > kMostRefined) found.resize(kMostRefined);
+    const PointRegistration walls_a(a_.faces);
     for (CornerProposal& proposal : found) {
-      const auto refined =
-          walls_a_.refine(placed(proposal.a_from_b, faces_b_), {0.8, 0.6, 0.4, 0.3, kOnWall_m}, kFewestFaces);
-      if (!refined) continue;
-      const Pose2 a_from_b = compose(pose_of(refined->moved), proposal.a_from_b);
-      const double score = score_m(a_from_b);
-      if (score > proposal.score_m) proposal = {a_from_b, score};
+      better(proposal, laid_on_corners(proposal.a_from_b));
+      const std::vector<WallPoint> there = placed(proposal.a_from_b, faces_b_);
+      if (const auto refined = walls_a.refine(there, {0.8, 0.6, 0.4, 0.3, 0.25}, kFewestFaces))
+        better(proposal, compose(pose_of(refined->moved), proposal.a_from_b));
     }
     sort(found);
     return distinct(found, most);
@@ -153,20 +193,26 @@ class CornerSearch {
     return motion.allFinite() ? compose(pose_of(motion), a_from_b) : a_from_b;
   }
 
-  double score_m(const Pose2& a_from_b) const {
-    return 0.5 *
-           (one_way_m(faces_b_, b_, a_, walls_a_, a_from_b) + one_way_m(faces_a_, a_, b_, walls_b_, inverse(a_from_b)));
+  void better(CornerProposal& proposal, const Pose2& a_from_b) const {
+    const double score = score_m(a_from_b);
+    if (score > proposal.score_m) proposal = {a_from_b, score};
   }
 
-  double one_way_m(const std::vector<WallPoint>& faces, const GridWalls& of, const GridWalls& in,
-                   const PointRegistration& walls_in, const Pose2& in_from_of) const {
+  double score_m(const Pose2& a_from_b) const {
+    return 0.5 * (gain_m(faces_b_, b_, a_, raster_a_, a_from_b) +
+                  gain_m(faces_a_, a_, b_, raster_b_, inverse(a_from_b)));
+  }
+
+  double gain_m(const std::vector<WallPoint>& faces, const GridWalls& of, const GridWalls& in,
+                   const FaceRaster& walls_in, const Pose2& in_from_of) const {
     if (faces.empty()) return 0.0;
-    const std::vector<WallPoint> there = placed(in_from_of, faces);
-    const auto deep = std::count_if(there.begin(), there.end(), [&](const WallPoint& face) {
-      return static_cast<double>(in.depth_at(face.x, face.y)) > kDeep_m;
-    });
+    std::size_t on_walls = 0, deep = 0;
+    for (const WallPoint& face : placed(in_from_of, faces)) {
+      on_walls += walls_in.has(face) ? 1 : 0;
+      deep += static_cast<double>(in.depth_at(face.x, face.y)) > kDeep_m ? 1 : 0;
+    }
     return of.wall_m() / static_cast<double>(faces.size()) *
-           (static_cast<double>(walls_in.paired(there, kOnWall_m)) - contradiction_ * static_cast<double>(deep));
+           (static_cast<double>(on_walls) - contradiction_ * static_cast<double>(deep));
   }
 
   static void sort(std::vector<CornerProposal>& proposals) {
@@ -193,7 +239,7 @@ class CornerSearch {
   double contradiction_;
   std::vector<WallCorner> corners_a_, corners_b_;
   std::vector<WallPoint> faces_a_, faces_b_;  // some of all
-  PointRegistration walls_a_, walls_b_;
+  FaceRaster raster_a_, raster_b_;
   Point2f middle_b_{0.0F, 0.0F};
 };
 

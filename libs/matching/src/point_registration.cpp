@@ -86,10 +86,6 @@ std::optional<PointRegistration::Result> PointRegistration::refine(const std::ve
   return result;
 }
 
-std::size_t PointRegistration::paired(const std::vector<WallPoint>& points, double reach_m) const {
-  return clouds_->pairs(cloud_of(points), reach_m).size();
-}
-
 Eigen::Matrix4f planar_motion(const std::vector<Point2f>& from, const std::vector<Point2f>& to) {
   Cloud source, target;
   for (const Point2f& p : from) source.push_back(pcl_point(p.x, p.y, 0, 0));

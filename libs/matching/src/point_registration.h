@@ -27,8 +27,6 @@ class PointRegistration {
   // Ends early where fewer than `fewest` points have one. nullopt where a round has no solution.
   std::optional<Result> refine(const std::vector<WallPoint>& points, const std::vector<double>& reaches_m,
                                std::size_t fewest) const;
-  // Points with a partner where they lie.
-  std::size_t paired(const std::vector<WallPoint>& points, double reach_m) const;
 
  private:
   struct Clouds;

@@ -1,7 +1,6 @@
 #include <mapweave/matching/corner_proposals.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <optional>

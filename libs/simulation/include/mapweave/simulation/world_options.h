@@ -111,7 +111,7 @@ struct RobotOptions {
     v.flag("return_to_start", return_to_start, "each lap ends where it began");
     v.integer("laps", laps, 1, 1000, "rounds of the tour");
     v.number("length_m", length_m, 0.0, 100000.0, "drive this far, in as many laps as it takes; 0: as `laps` says");
-    v.number("start_s", start_s, 0.0, 100000.0, "starts this long after the world's first moment");
+    v.number("start_s", start_s, 0.0, 31536000.0, "starts this long after the world's first moment, up to a year");
     v.list("waypoints", waypoints, "drive by these points instead of rooms");
     v.list("kidnappings", kidnappings, "carried away, wheels in the air, in the order of the path");
     v.list("cameras", cameras, "its own, instead of the world's");
