@@ -78,8 +78,8 @@ namespace {
 // Whether the turns that both bodies make agree better without the rotation between them than with it. Then it is the
 // alignment of a short path that is turned, not the body.
 bool turns_contradict(const std::vector<PosePair>& aligned, const Eigen::Quaterniond& reference_from_estimate) {
-  constexpr std::size_t kPieces = 4;
-  constexpr double kWorse = 1.25, kNoise_rad = 0.002;
+  constexpr std::size_t kPieces = 4;  // of the path: turns over a quarter of it are far larger than noise
+  constexpr double kWorse = 1.25, kNoise_rad = 0.002;  // a quarter worse, beyond what poses are off: no chance
   const std::size_t length = std::max<std::size_t>(1, aligned.size() / kPieces);
   double with = 0.0, without = 0.0, count = 0.0;
   for (std::size_t i = 0; i + length < aligned.size(); ++i, count += 1.0) {
@@ -96,6 +96,7 @@ bool turns_contradict(const std::vector<PosePair>& aligned, const Eigen::Quatern
 }  // namespace
 
 std::optional<ConstantRotation> constant_rotation(const std::vector<PosePair>& aligned) {
+  // Smaller rotations are errors of the estimate; those within three times its spread may be (DECISIONS.md, 81).
   constexpr double kLeast_deg = 3.0, kLeastOfSpread = 3.0, kDegrees = 180.0 / M_PI;
   if (aligned.empty()) return std::nullopt;
   // The mean of rotations: Markley et al., "Averaging quaternions", 2007.

@@ -84,6 +84,8 @@ void damp(Block& block, double damping, double least) {
   block.diagonal().array() += least;
 }
 
+// Of the diagonal: what nothing holds stays where it is instead of making the system singular. Of a point that two
+// views see along one ray the depth is such; views are held by many.
 constexpr double kLeastOfViews = 1e-9, kLeastOfPoints = 1e-6;
 
 }  // namespace

@@ -14,7 +14,7 @@ struct InPlane {
   using Error = Eigen::Vector3d;
   using Matrix = Eigen::Matrix3d;
   static constexpr int kSize = 3;
-  static constexpr double kFirstDamping = 1e-6;
+  static constexpr double kFirstDamping = 1e-6;  // all but Gauss-Newton: chains of poses begin near the answer
 
   // from_from_to^-1 (+) (from^-1 (+) to)
   static Error error_of(const graph::Edge& edge, const Pose2& from, const Pose2& to) {
@@ -66,6 +66,8 @@ Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges
     return solution;
   }
   PoseGraphSolver<InPlane> solver(solution.poses, edges, fixed);
+  // Of the cost, what a step gains at the end: in the last round, and in those that only find weights (DECISIONS.md,
+  // 70).
   constexpr double kEnough = 1e-7, kEnoughToWeigh = 1e-3;
   const auto run = [&](double enough) {
     const Descent result = solver.run(options.iterations, enough);

@@ -45,7 +45,7 @@ struct InSpace {
   using Error = Vector6;
   using Matrix = Matrix6;
   static constexpr int kSize = 6;
-  static constexpr double kFirstDamping = 1e-4;
+  static constexpr double kFirstDamping = 1e-4;  // rotations are less linear than in the plane: shorter first steps
 
   static Vector6 error_of(const SpatialEdge& edge, const Pose3& from, const Pose3& to) {
     Eigen::Quaterniond turn;
@@ -76,7 +76,7 @@ struct WithScale {
   using Error = Vector7;
   using Matrix = Matrix7;
   static constexpr int kSize = 7;
-  static constexpr double kFirstDamping = 1e-4;
+  static constexpr double kFirstDamping = 1e-4;  // as in space
 
   // As in space, and the logarithm of the scale.
   static Vector7 error_of(const SimilarityEdge& edge, const Sim3& from, const Sim3& to) {
@@ -133,7 +133,7 @@ Solution solved(const std::vector<typename Space::Pose>& initial, const std::vec
     solution.converged = true;
     return solution;
   }
-  constexpr double kEnough = 1e-6;
+  constexpr double kEnough = 1e-6;  // of the cost: what a step gains at the end
   const Descent descent = PoseGraphSolver<Space>(solution.poses, edges, fixed).run(iterations, kEnough);
   solution.chi2 = descent.cost;
   solution.iterations = descent.iterations;

@@ -9,11 +9,30 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr std::size_t kFewestPoints = 15;
-constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;
-constexpr double kShortestMotion_s = 0.02;
-constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep
-constexpr double kClearlyBetter = 0.03;                    // of the mean likelihood under the points
+constexpr std::size_t kFewestPoints = 15;  // of a scan: fewer are not matched or inserted
+// From odometry, and of the mean likelihood under the points: a search that moves less than the first needs no clear
+// walls; one that moves farther has to gain the second, or the place that odometry names is kept. Larger gains let
+// wheels that are wrong mislead, smaller ones bare corridors (DECISIONS.md, 21).
+constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03, kClearlyBetter = 0.03;
+constexpr double kShortestMotion_s = 0.02;  // that odometry is divided by: readings resolve no shorter one
+constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep; less than a match resolves
+// Without odometry the robot is expected to go on as it did: it may have braked or begun to turn.
+constexpr double kBlindSigma_m = 0.15, kBlindSigma_per_m = 0.3, kBlindSigma_rad = 0.1, kBlindSigma_per_rad = 0.3;
+constexpr double kLongestBlind_s = 1.0;  // that it is expected to go on for
+// The constraint that stands for a motion without odometry: a standard deviation of 0.5 m and 0.5 rad a second.
+constexpr double kSlow_per_s = 0.5, kShortestSlow_s = 0.1;
+// Windows grow by that share of the motion, since odometry errs in proportion, and by the others where there is none.
+// The step of the turn moves a wall at 6 m by one cell. The bound keeps a robot that jumps from searching for seconds.
+constexpr double kWindowShare = 0.25, kWindowStep_rad = 0.00873, kBlindWindow_m = 0.2, kBlindWindow_rad = 0.15,
+                 kWidestWindow_m = 2.0;
+// In the search, odometry costs score with the square of twice its standard deviations, and these at least.
+constexpr double kSearchSigmas = 2.0, kLeastSearchSigma_m = 0.05, kLeastSearchSigma_rad = 0.06;
+// What ends at the rim of its window and fits worse than that lies beyond, most likely: a second search, so much wider.
+constexpr double kPoorFit = 0.6, kWiderTurn = 2.0, kWiderShift = 1.5;
+constexpr double kGate = 9.0;          // squared: past three sigmas odometry is slip, and gives way (DECISIONS.md, 6)
+constexpr double kContradicted = 3.0;  // sigmas: as the gate; a turn that the match finds otherwise is the match's
+constexpr double kBestMatch_m2 = 2.5e-5, kBestMatch_rad2 = 7.6e-7;  // no match is surer than 5 mm and 0.05 degrees
+constexpr double kNoTime_s = 1e-3;                                  // scans as near in time have no speed
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_yaw_rad * sigma_yaw_rad))
@@ -34,7 +53,7 @@ Pose2 FrontEnd::predict(Stamp stamp, bool& from_odometry) const {
   const auto odometry = odometry_.at(taken_at(stamp));
   from_odometry = odometry.has_value() && last_odometry_.has_value();
   if (from_odometry) return between(*last_odometry_, *odometry);
-  const double seconds = std::clamp(seconds_between(*last_stamp_, stamp), 0.0, 1.0);
+  const double seconds = std::clamp(seconds_between(*last_stamp_, stamp), 0.0, kLongestBlind_s);
   return scaled(last_motion_, seconds);
 }
 
@@ -59,7 +78,8 @@ FrontEnd::Step FrontEnd::next_step(Stamp stamp) {
     heading_quality_.add_step(step.distance_m, step.motion.phi, step.prior.sigma_yaw_rad);
     step.prior.sigma_yaw_rad *= heading_quality_.factor();
   } else {
-    step.prior = {0.15 + 0.3 * step.distance_m, 0.1 + 0.3 * step.turn_rad};
+    step.prior = {kBlindSigma_m + kBlindSigma_per_m * step.distance_m,
+                  kBlindSigma_rad + kBlindSigma_per_rad * step.turn_rad};
     heading_quality_.add_heading(std::nullopt);
   }
   turn_by_unit(step);
@@ -70,7 +90,7 @@ FrontEnd::Step FrontEnd::next_step(Stamp stamp) {
 // Once the inertial unit is believed it says how far the robot turned. Wheels that agree with it count by what they are
 // worth; those that slipped do not.
 void FrontEnd::turn_by_unit(Step& step) const {
-  constexpr double kAgree = 2.0;  // standard deviations
+  constexpr double kAgree = 2.0;  // standard deviations: wheels farther off slipped, more likely than not
   if (!step.measured_turn_rad || !calibration_.is_believed()) return;
   double turn = calibration_.turn_rad(step.seconds, *step.measured_turn_rad);
   double sigma = calibration_.turn_sigma_rad(step.seconds, turn);
@@ -95,19 +115,19 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   Active& against = active_.front();
   against.field.settle();
   const Pose2 guess = between(against.local_from_submap, step.predicted);
-  matching::SearchWindow window{options_.window_m + 0.25 * step.distance_m,
-                                options_.window_yaw_rad + 0.25 * step.turn_rad, 0.00873};
+  matching::SearchWindow window{options_.window_m + kWindowShare * step.distance_m,
+                                options_.window_yaw_rad + kWindowShare * step.turn_rad, kWindowStep_rad};
   if (!step.from_odometry) {
-    window.radius_m += 0.2;
-    if (!step.from_unit) window.yaw_rad += 0.15;
+    window.radius_m += kBlindWindow_m;
+    if (!step.from_unit) window.yaw_rad += kBlindWindow_rad;
   }
-  window.radius_m = std::min(window.radius_m, 2.0);
-  const matching::PriorWeight loose{std::max(0.05, 2 * step.prior.sigma_m),
-                                    std::max(0.06, 2 * step.prior.sigma_yaw_rad)};
+  window.radius_m = std::min(window.radius_m, kWidestWindow_m);
+  const matching::PriorWeight loose{std::max(kLeastSearchSigma_m, kSearchSigmas * step.prior.sigma_m),
+                                    std::max(kLeastSearchSigma_rad, kSearchSigmas * step.prior.sigma_yaw_rad)};
   auto coarse = matching::correlate(against.field, few, guess, window, loose);
-  if (coarse && coarse->at_border && coarse->score < 0.6) {
-    window.yaw_rad *= 2;
-    window.radius_m *= 1.5;
+  if (coarse && coarse->at_border && coarse->score < kPoorFit) {
+    window.yaw_rad *= kWiderTurn;
+    window.radius_m *= kWiderShift;
     coarse = matching::correlate(against.field, few, guess, window, loose);
   }
   if (!coarse) return result;
@@ -115,7 +135,7 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   // The points share errors; so that the prior weighs against them as it should, it is scaled instead.
   const double scale = std::sqrt(options_.point_information_scale);
   const matching::PriorWeight relative{step.prior.sigma_m * scale, step.prior.sigma_yaw_rad * scale,
-                                       9.0 / options_.point_information_scale};
+                                       kGate / options_.point_information_scale};
   auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
   // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must show clearly that
   // odometry is wrong.
@@ -130,7 +150,7 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   result.submap_from_node = match.field_from_scan;
   result.local_from_node = compose(against.local_from_submap, match.field_from_scan);
   result.information = options_.point_information_scale * match.information;
-  const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-5, 2.5e-5, 7.6e-7).asDiagonal();  // 5 mm, 0.05 degrees
+  const Eigen::Matrix3d floor = Eigen::Vector3d(kBestMatch_m2, kBestMatch_m2, kBestMatch_rad2).asDiagonal();
   result.information =
       ((Eigen::Matrix3d::Identity() + result.information * floor).inverse() * result.information).eval();
   result.information = (0.5 * (result.information + result.information.transpose())).eval();
@@ -201,7 +221,7 @@ Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
 std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                                   const Matched& found) const {
   const double seconds = seconds_between(*last_stamp_, input.stamp);
-  if (seconds < 1e-3 || seconds > kLongestStep_s) return std::nullopt;
+  if (seconds < kNoTime_s || seconds > kLongestStep_s) return std::nullopt;
   const Pose2 moved = between(local_from_last_, found.local_from_node);
   Pose2 better = velocity;
   if (!step.from_odometry) {
@@ -209,7 +229,7 @@ std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const 
     if (step.from_unit) better.phi = velocity.phi;
   } else if (!step.from_unit) {
     const double missed = wrap_angle(moved.phi - step.motion.phi);
-    if (std::abs(missed) > 3.0 * step.prior.sigma_yaw_rad) better.phi += missed / seconds;
+    if (std::abs(missed) > kContradicted * step.prior.sigma_yaw_rad) better.phi += missed / seconds;
   }
   const ScanGeometry& geometry = *input.scan.geometry;
   const double sweep_s = std::abs(geometry.ray_time_s(geometry.ray_count - 1) - geometry.ray_time_s(0));
@@ -251,11 +271,11 @@ FrontEnd::Matched FrontEnd::match_sweep(Taken& taken, const Step& step) {
 Constraint FrontEnd::motion_constraint(const NodeId& id, const Step& step,
                                        const std::optional<Pose2>& matched_motion) const {
   // Without odometry and without a match nothing is known but that robots are slow.
-  const double seconds = std::max(0.1, step.seconds), slow = 0.5 * seconds;
-  // If the match contradicts odometry's heading by more than 3 sigmas, the difference becomes the sigma.
+  const double seconds = std::max(kShortestSlow_s, step.seconds), slow = kSlow_per_s * seconds;
+  // If the match contradicts odometry's heading by more than kContradicted sigmas, the difference becomes the sigma.
   const double missed = matched_motion ? std::abs(wrap_angle(matched_motion->phi - step.motion.phi)) : 0.0;
   const double prior_yaw = step.prior.sigma_yaw_rad;
-  const double sigma_yaw = missed > 3.0 * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
+  const double sigma_yaw = missed > kContradicted * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
   const Eigen::Matrix3d known = step.from_odometry ? information_of(step.prior.sigma_m, sigma_yaw)
                                                    : information_of(slow, step.from_unit ? sigma_yaw : slow);
   return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, known);
@@ -277,7 +297,7 @@ bool FrontEnd::follow(const NodeId& id, Taken& taken, Map& map) {
     const Constraint motion = motion_constraint(id, step, matched ? std::optional(moved) : std::nullopt);
     map.constraints.set(motion.id, motion);
   }
-  if (step.seconds > 1e-3) last_motion_ = scaled(moved, 1.0 / step.seconds);
+  if (step.seconds > kNoTime_s) last_motion_ = scaled(moved, 1.0 / step.seconds);
   travelled_m_ += std::hypot(moved.x, moved.y);
   local_from_last_ = local_from_node;
   return matched || step.from_odometry;

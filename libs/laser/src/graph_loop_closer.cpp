@@ -11,8 +11,34 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr std::size_t kNeighbours =
-    2;  // submaps this near in the sequence share scans, or nearly: matching them says nothing new
+// Submaps this near in the sequence share scans, or nearly: matching them says nothing new.
+constexpr std::size_t kNeighbours = 2;
+// Two submaps may show the same walls while their middles are nearer than this share of their radii together. What is
+// seen at the end of a hall makes a circle large and is too little to match by: hence the bound on a radius.
+constexpr double kOverlapping = 0.6;
+constexpr float kLargestRadius_m = 12.0F;
+// Of the uncertainty of where submaps lie: what is compared at all, and the wider window in which it is searched.
+constexpr double kReachSigmas = 2.5, kWindowSigmas = 3.0;
+constexpr double kLeastRadius_m = 0.6, kLeastYaw_rad = 0.05;  // of a window: a few cells, what matches are off
+// Of a step between submaps, as a path: in place it costs as much as a metre, since headings drift on turns; a loop
+// costs less than any step, and holds the heading better than a step does (a share of a step's variance).
+constexpr double kStepPath_m = 1.0, kLoopPath_m = 0.5, kStepTurns = 1.0, kLoopTurns = 0.2;
+// The drift from one submap to the next is half of that of a path that bends one way (maps/map_noise.h). A heading that
+// errs by more and more along a straight path leads 1 / sqrt(3) = 0.58 of its last error aside; paths that bend and
+// come back lead less far.
+constexpr double kStepDrift = 0.5, kAside = 0.4;
+constexpr double kMatch_m = 0.15, kMatch_rad = 0.02;  // that two submaps are off where no path is between them
+// Two loops support each other up to so many submaps apart; farther, the chain between them drifts too much to tell.
+// Each step of it may be off by a standard deviation: 0.07 m and 0.008 rad of 4 m (maps/map_noise.h).
+constexpr std::size_t kSupporting = 6;
+constexpr double kAgree_m = 0.15, kAgreePerStep_m = 0.08, kAgree_rad = 0.02, kAgreePerStep_rad = 0.01;
+constexpr double kOutlier = 0.5;  // weight after graduated non-convexity, where weights are near 0 or near 1
+// At the end: pairs whose walls overlap, and whose windows are hardly wider than what is believed without a second loop
+// (three times that, and confirm_radius_m). The second round looks from where the loops of the first one put them.
+constexpr double kFinishApart_m = 6.0, kFinishSigma_m = 0.7;
+constexpr int kFinishRounds = 2;
+// No loop is stiffer than 2 cm and 3 mrad: chosen as what the anchors of two submaps are known to at best.
+constexpr double kLoopVariance_m2 = 4e-4, kLoopVariance_rad2 = 9e-6;
 
 }  // namespace
 
@@ -57,9 +83,9 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   for (std::size_t i = 0; i + kNeighbours < number; ++i) {
     const auto [ix, iy] = middle(i);
     const double distance = std::hypot(ix - x, iy - y);
-    const double reach = std::min(2.5 * uncertainty[i].position_m, options_.loops.max_radius_m);
-    const double extent =
-        0.6 * std::min(12.0F, submaps_[i].radius_m) + 0.6 * std::min(12.0F, submaps_[number].radius_m);
+    const double reach = std::min(kReachSigmas * uncertainty[i].position_m, options_.loops.max_radius_m);
+    const double extent = kOverlapping * std::min(kLargestRadius_m, submaps_[i].radius_m) +
+                          kOverlapping * std::min(kLargestRadius_m, submaps_[number].radius_m);
     if (distance > reach + extent) continue;
     near.emplace_back(distance, i);
     alike.emplace_back(matching::ring_distance(submaps_[i].keys, submaps_[number].keys), i);
@@ -86,13 +112,13 @@ std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std:
   std::vector<double> cost(count, 1e300), length(count, 0.0), turns(count, 0.0);
   std::vector<std::vector<std::pair<std::size_t, double>>> paths(count);  // neighbour, path; a loop has none
   for (std::size_t i = 0; i + 1 < count; ++i) {
-    paths[i].emplace_back(i + 1, submaps_[i].length_m + 1.0);
-    paths[i + 1].emplace_back(i, submaps_[i].length_m + 1.0);
+    paths[i].emplace_back(i + 1, submaps_[i].length_m + kStepPath_m);
+    paths[i + 1].emplace_back(i, submaps_[i].length_m + kStepPath_m);
   }
   for (const auto& loop : loops_)
     if (loop.committed) {
-      paths[loop.a].emplace_back(loop.b, 0.5);
-      paths[loop.b].emplace_back(loop.a, 0.5);
+      paths[loop.a].emplace_back(loop.b, kLoopPath_m);
+      paths[loop.b].emplace_back(loop.a, kLoopPath_m);
     }
   std::priority_queue<std::pair<double, std::size_t>, std::vector<std::pair<double, std::size_t>>, std::greater<>> open;
   cost[from] = 0.0;
@@ -105,14 +131,15 @@ std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std:
       if (value + path >= cost[next]) continue;
       cost[next] = value + path;
       length[next] = length[here] + path;
-      turns[next] = turns[here] + (path > 0.5 ? 1.0 : 0.2);
+      turns[next] = turns[here] + (path > kLoopPath_m ? kStepTurns : kLoopTurns);
       open.emplace(cost[next], next);
     }
   }
   std::vector<Uncertainty> result(count);
   for (std::size_t i = 0; i < count; ++i) {
     const double yaw = options_.loops.drift_yaw_per_submap_rad * std::sqrt(turns[i]);
-    result[i] = {0.15 + options_.loops.drift_per_m * length[i] * 0.5 + yaw * length[i] * 0.4, 0.02 + yaw};
+    result[i] = {kMatch_m + options_.loops.drift_per_m * length[i] * kStepDrift + yaw * length[i] * kAside,
+                 kMatch_rad + yaw};
   }
   return result;
 }
@@ -125,8 +152,8 @@ bool LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& un
   };
   matching::WideWindow window;
   window.a_from_b = between(poses_[a], poses_[b]);
-  window.radius_m = std::clamp(3.0 * uncertainty.position_m, 0.6, options_.loops.max_radius_m);
-  window.yaw_rad = std::min(M_PI, 0.05 + 3.0 * uncertainty.yaw_rad);
+  window.radius_m = std::clamp(kWindowSigmas * uncertainty.position_m, kLeastRadius_m, options_.loops.max_radius_m);
+  window.yaw_rad = std::min(M_PI, kLeastYaw_rad + kWindowSigmas * uncertainty.yaw_rad);
   Judgement judgement = matching::judge(view(a), view(b), window, options_.judge);
   if (judgement.hypotheses.empty() || judgement.doubt != Reason::none ||
       judgement.probability < options_.loops.min_probability)
@@ -152,8 +179,8 @@ void LaserLoopCloser::commit_agreeing() {
     }
     for (const auto& other : loops_) {
       if (&other == &loop || (other.a == loop.a && other.b == loop.b)) continue;
-      if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > 6 ||
-          std::max(other.b, loop.b) - std::min(other.b, loop.b) > 6)
+      if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > kSupporting ||
+          std::max(other.b, loop.b) - std::min(other.b, loop.b) > kSupporting)
         continue;
       // Around the cycle: a -> b -> other.b -> other.a -> a. The chain along the robot's path is short, so it hardly
       // drifts.
@@ -162,7 +189,8 @@ void LaserLoopCloser::commit_agreeing() {
       const Pose2 apart = between(loop.a_from_b, by_other);
       const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) +
                                              std::max(other.b, loop.b) - std::min(other.b, loop.b));
-      if (std::hypot(apart.x, apart.y) < 0.15 + 0.08 * steps && std::abs(apart.phi) < 0.02 + 0.01 * steps) {
+      if (std::hypot(apart.x, apart.y) < kAgree_m + kAgreePerStep_m * steps &&
+          std::abs(apart.phi) < kAgree_rad + kAgreePerStep_rad * steps) {
         loop.committed = true;
         break;
       }
@@ -191,7 +219,8 @@ void LaserLoopCloser::solve() {
   const auto solution = graph::solve(poses_, edges, options_.solve);
   poses_ = solution.poses;
   std::vector<bool> wrong(loops_.size(), false);
-  for (std::size_t k = 0; k < of_loop.size(); ++k) wrong[of_loop[k]] = solution.weight[submaps_.size() - 1 + k] < 0.5;
+  for (std::size_t k = 0; k < of_loop.size(); ++k)
+    wrong[of_loop[k]] = solution.weight[submaps_.size() - 1 + k] < kOutlier;
   std::vector<Loop> kept;
   for (std::size_t i = 0; i < loops_.size(); ++i)
     if (!wrong[i]) kept.push_back(std::move(loops_[i]));
@@ -199,7 +228,7 @@ void LaserLoopCloser::solve() {
 }
 
 void LaserLoopCloser::finish(const Map& map) {
-  for (int round = 0; round < 2; ++round) {
+  for (int round = 0; round < kFinishRounds; ++round) {
     bool found = false;
     std::vector<Uncertainty> uncertainty;
     for (std::size_t b = kNeighbours + 1; b < submaps_.size(); ++b) {
@@ -216,7 +245,7 @@ void LaserLoopCloser::finish(const Map& map) {
         const auto [ax, ay] = place(a);
         const auto [bx, by] = place(b);
         const double distance = std::hypot(ax - bx, ay - by);
-        if (distance < 6.0 && uncertainty[a].position_m < 0.7) near.emplace_back(distance, a);
+        if (distance < kFinishApart_m && uncertainty[a].position_m < kFinishSigma_m) near.emplace_back(distance, a);
       }
       std::sort(near.begin(), near.end());
       if (near.size() > static_cast<std::size_t>(options_.loops.nearest))
@@ -235,7 +264,7 @@ std::vector<Constraint> LaserLoopCloser::loops() const {
   std::vector<Constraint> result;
   for (const auto& loop : loops_) {
     if (!loop.committed) continue;
-    const Eigen::Matrix3d floor = Eigen::Vector3d(4e-4, 4e-4, 9e-6).asDiagonal();
+    const Eigen::Matrix3d floor = Eigen::Vector3d(kLoopVariance_m2, kLoopVariance_m2, kLoopVariance_rad2).asDiagonal();
     Eigen::Matrix3d information = (loop.information.inverse() + floor).inverse();
     Constraint constraint =
         planar_constraint({ConstraintKind::loop, submaps_[loop.a].anchor, submaps_[loop.b].anchor, 0}, loop.a_from_b,

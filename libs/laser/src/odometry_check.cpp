@@ -8,14 +8,32 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr int kMostTries = 60;
-constexpr std::size_t kFewestPoints = 40, kMostPoints = 120, kToConfirm = 5, kToDoubt = 8, kMostPairs = 24;
-constexpr double kThinning_m = 0.05, kMostApart_s = 4.0;
-constexpr double kMove_m = 0.1, kTurn_rad = 0.06, kLargestTry_rad = 1.0;
+constexpr int kMostTries = 60;  // searches: bounds the time where scans never show a motion
+// Of a scan: fewer points match by chance, more only take longer. The thinning is a cell of the field's likelihood.
+constexpr std::size_t kFewestPoints = 40, kMostPoints = 120;
+constexpr double kThinning_m = 0.05;
+// Of pairs of scans: so many as usual end the check; of fewer than kToDoubt two wrong matches would decide;
+// where kMostPairs have said neither, more will not.
+constexpr std::size_t kToConfirm = 5, kToDoubt = 8, kMostPairs = 24;
+constexpr double kMostApart_s = 4.0;  // between the scans of a pair: later, what stood around may have moved
+// What odometry claims before a pair is matched: two cells of the search, and as much at 1.7 m. Smaller motions drown
+// in the errors of a match, larger ones leave the window.
+constexpr double kMove_m = 0.1, kTurn_rad = 0.06;
+constexpr double kClear = 0.8;           // of that, by the scans: less is too little to form a ratio of
+constexpr double kLargestTry_rad = 1.0;  // to claim: well below pi, which a wrapped turn never exceeds
+// Around no motion at all, for odometry may be in any unit: what a robot does between two scans, in steps of a degree.
 constexpr double kWindow_m = 0.5, kWindow_rad = 0.4, kWindowStep_rad = 0.0175;
-constexpr double kLeastInliers = 0.6, kLeastBalance = 0.1;
-constexpr double kUsualRatio = 1.6, kDoubtfulRatio = 2.0, kAlike = 0.2, kMost = 0.75;
-constexpr double kDegree = M_PI / 180.0, kTurnError_rad = 0.05, kDegreesError_rad = 0.6;
+constexpr double kLeastInliers = 0.6;  // the front end believes 0.35; a wrong match here would accuse the odometry
+constexpr double kLeastBalance = 0.1;  // of the information along the worse direction to that along the better one
+// The nearest other unit are feet, 3.28: up to the first, either way, odometry is bad but in metres; from the second on
+// it is in another unit, if it always errs alike; between them nothing is said.
+constexpr double kUsualRatio = 1.6, kDoubtfulRatio = 2.0;
+constexpr double kAlike = 0.2;  // of logarithms: one ratio. Units are farther apart: feet from metres by 1.2
+constexpr double kMost = 0.75;  // of the pairs: a quarter may be matched wrongly
+constexpr double kDegree = M_PI / 180.0;
+// Of a turn: in radians, what wheels miss standing and in proportion; in degrees, what a hundredth of a radian that the
+// match is off comes to (0.57). A heading that has nothing to do with the turn passes in one of five cases.
+constexpr double kTurnError_rad = 0.05, kTurnErrorShare = 0.3, kDegreesError_rad = 0.6;
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -82,14 +100,14 @@ std::optional<rawlog::UnitDoubt> OdometryCheck::add_scan(Stamp stamp, const Pack
   const auto moved = match(points);
   const Pose2 claimed = between(reference_->odometry_from_robot, *odometry_from_robot_);
   const double moved_m = moved ? std::hypot(moved->x, moved->y) : 0.0, turned_rad = moved ? moved->phi : 0.0;
-  if (moved && moved_m < 0.8 * kMove_m && std::abs(turned_rad) < 0.8 * kTurn_rad) {
+  if (moved && moved_m < kClear * kMove_m && std::abs(turned_rad) < kClear * kTurn_rad) {
     // Less than odometry claims. More of it makes a motion that can be measured, whatever the unit.
     reference_->try_m *= 2.0;
     reference_->try_rad = std::min(2.0 * reference_->try_rad, kLargestTry_rad);
     return std::nullopt;
   }
-  if (moved_m >= 0.8 * kMove_m) ratios_.push_back(std::hypot(claimed.x, claimed.y) / moved_m);
-  if (std::abs(turned_rad) >= 0.8 * kTurn_rad) turns_.push_back({claimed.phi, turned_rad});
+  if (moved_m >= kClear * kMove_m) ratios_.push_back(std::hypot(claimed.x, claimed.y) / moved_m);
+  if (std::abs(turned_rad) >= kClear * kTurn_rad) turns_.push_back({claimed.phi, turned_rad});
   begin(stamp, points);
   return doubt();
 }
@@ -108,7 +126,7 @@ std::optional<rawlog::UnitDoubt> OdometryCheck::doubt() {
   }
   const auto is_right = [](const Turn& turn) {
     return std::abs(wrap_angle(turn.claimed_rad - turn.matched_rad)) <
-           kTurnError_rad + 0.3 * std::abs(turn.matched_rad);
+           kTurnError_rad + kTurnErrorShare * std::abs(turn.matched_rad);
   };
   const auto is_in_degrees = [](const Turn& turn) {
     return std::abs(wrap_angle(turn.claimed_rad - turn.matched_rad / kDegree)) < kDegreesError_rad;

@@ -8,7 +8,9 @@
 namespace mapweave {
 namespace {
 
-constexpr std::size_t kFewest = 16;
+constexpr std::size_t kFewest = 16;  // of fewer points the head takes more than their bits save
+// Bits, as the header describes: a run of ones as long as the first is dearer than the whole of a number, of 16 bits;
+// the head's numbers go up to 15 and 16.
 constexpr int kLongestRun = 24, kWhole = 16, kShiftBits = 4, kWidthBits = 5;
 
 class BitWriter {

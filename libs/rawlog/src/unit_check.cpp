@@ -15,22 +15,33 @@
 namespace mapweave::rawlog {
 namespace {
 
-constexpr std::uint64_t kBeginning = 3000;  // records
+constexpr std::uint64_t kBeginning = 3000;  // records: bounds the time of recordings that never have enough to judge
+// Of a sensor, after which it is judged. A wrong unit shows in each of them by itself; more of them outvote a start
+// right before a wall, a hand before the camera or a jump of the odometry.
 constexpr std::size_t kScans = 20, kPictures = 10, kSteps = 40;
-constexpr std::size_t kFewestReadings = 100, kFewestSteps = 10, kFewestDistinct = 20;
+// Fewer are not judged, where a recording ends before: a quantile of them is one reading or two.
+constexpr std::size_t kFewestReadings = 100, kFewestSteps = 10;
+constexpr std::size_t kFewestDistinct = 20;  // readings: what lasers answer instead of a distance is a value or a few
+// Neighbours see the same. The pixels' number divides no usual width, so that they lie in all columns.
 constexpr std::size_t kRaysApart = 4;
 constexpr std::ptrdiff_t kPixelsApart = 17;
 
 constexpr double kFarthestReading_m = 200.0;  // no planar laser reaches farther
 constexpr double kFarMiddle_m = 100.0;        // nor sees so far with half of its rays
-constexpr double kLeastUsable = 0.02;         // of the readings
-constexpr double kLargestFan_rad = 6.4;
-constexpr double kFastest_mps = 20.0, kFastestTurn_rad_s = 5.0, kMostSteps = 0.8;  // of the steps are slower
+constexpr double kLeastUsable = 0.02;         // of the readings: with fewer, nothing is left to be mapped
+constexpr double kLargestFan_rad = 6.4;       // a full turn, and a ray more
+// In centimetres a robot of 0.2 m/s is as fast, in degrees a turn of 5 degrees a second.
+constexpr double kFastest_mps = 20.0, kFastestTurn_rad_s = 5.0;
+constexpr double kMostSteps = 0.8;  // of the steps are slower than the speed that is judged: the others may be jumps
+// Of a step: stamps are rounded, so that shorter ones have any speed; longer ones span a gap. Turns are known but for
+// whole circles, so that only steps below 0.63 s can show more than kFastestTurn_rad_s; smaller turns are noise.
 constexpr double kShortestStep_s = 0.02, kLongestStep_s = 2.0, kLongestTurn_s = 0.5, kLeastTurn_rad = 0.01;
 constexpr double kCloseReading_m = 0.1;  // no planar laser sees nothing but what is nearer
+// Depth cameras see no farther and nothing nearer than the first two. Where 19 of 20 pixels of a picture are nearer
+// than the third, the scale makes the world too small; between the third and the fourth is a room's usual depth.
 constexpr double kFarDepth_m = 10.0, kNearDepth_m = 0.25, kShallow_m = 0.8, kUsualDepth_m = 7.0;
-constexpr double kNoneNearer_m = 2.5;  // seldom: a depth camera that has neither floor nor table before it
-constexpr double kWidestBaseline_m = 3.0;
+constexpr double kNoneNearer_m = 2.5;      // seldom: a depth camera that has neither floor nor table before it
+constexpr double kWidestBaseline_m = 3.0;  // no pair on a robot is wider; in centimetres, hardly one is narrower
 
 std::string text(const char* form, double value) {
   char result[64];
@@ -57,6 +68,8 @@ bool are_distances(std::vector<float> readings) {
   return distinct >= kFewestDistinct && 2 * most < readings.size();
 }
 
+// Half of the ranges would be below 1 m where numbers below the first bound were millimetres, and above 50 m where
+// those above the second one were centimetres.
 std::string unit_of(double middle_m) {
   if (middle_m < 10.0 * kFarMiddle_m) return "are they in centimetres?";
   return middle_m < 50.0 * kFarMiddle_m ? "are they in millimetres, or in centimetres?" : "are they in millimetres?";
@@ -96,6 +109,7 @@ class ScanUnits {
       return UnitDoubt{
           "nine in ten readings of laser '" + label + "' are nearer than " + text("%.2g", kCloseReading_m) + " m",
           "are they in kilometres?", true};
+    // A quarter of the readings may be of walls beside the robot, but in metres not three quarters of a hall's far end.
     const double middle_m = quantile(readings, 0.5);
     if (middle_m < kFarMiddle_m || quantile(readings, 0.25) < 0.25 * kFarMiddle_m || !are_distances(readings))
       return std::nullopt;
@@ -132,6 +146,7 @@ class StepUnits {
     if (!speed_is_judged_ && speeds_mps_.size() >= steps) {
       speed_is_judged_ = true;
       const double speed_mps = quantile(speeds_mps_, kMostSteps);
+      // In centimetres, ten times that would be 2 m/s and more.
       if (speed_mps > kFastest_mps)
         doubts.push_back(
             {"the odometry moves at " + text("%.0f", speed_mps) + " m/s and faster",
@@ -206,6 +221,7 @@ class StereoUnits {
   std::optional<UnitDoubt> add(const mrpt::obs::CObservationStereoImages& pair) {
     const double baseline_m = pair.rightCameraPose.norm();
     if (std::exchange(is_judged_, true) || baseline_m < kWidestBaseline_m) return std::nullopt;
+    // Below ten times that: 30 cm, or in millimetres 3 cm.
     return UnitDoubt{
         "the cameras of stereo pair '" + pair.sensorLabel + "' are " + text("%g", baseline_m) + " m apart",
         baseline_m < 10.0 * kWidestBaseline_m ? "is the baseline in centimetres?" : "is the baseline in millimetres?"};

@@ -249,6 +249,8 @@ std::vector<ReportMap> read_maps(ResultFiles& files, const std::vector<std::stri
 }
 
 Json maps_json(const std::vector<ReportMap>& maps, std::size_t most_bytes) {
+  // As poses are written, with a rounded stamp; more poses or points than that show no more on a screen; fewer poses no
+  // path.
   constexpr std::size_t kBytesOfPose = 22, kMostPosesEach = 6000, kLeastPosesEach = 20, kMostPoints = 200'000;
   std::size_t trajectories = 0, with_points = 0, poses = 0;
   for (const ReportMap& map : maps) {

@@ -7,8 +7,10 @@
 namespace mapweave::report {
 namespace {
 
+// Up to the first number, pairs (of 20 robots) have all their hypotheses on the page; up to the second one (of 55) the
+// first hypothesis; beyond, the decision alone: what keeps the page small.
 constexpr std::size_t kFewPairs = 200, kManyPairs = 1500;
-constexpr std::size_t kMostContradictions = 5;
+constexpr std::size_t kMostContradictions = 5;  // of a hypothesis, the longest first
 
 void copy(const Json& from, Json& to, std::initializer_list<const char*> keys) {
   for (const char* key : keys)

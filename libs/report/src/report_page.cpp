@@ -96,6 +96,7 @@ std::size_t bytes_of_pictures(const Json& json) {
 
 // What holds measured times is bounded by its length, so that how many points are shown does not depend on them.
 std::size_t bytes_beside_poses(const std::string& title, Json data, const std::vector<ReportMap>& maps) {
+  // More than what holds times takes; what is too much is lost to points.
   constexpr std::size_t kReserve = 20'000, kBytesOfRobot = 2000, kBytesOfStage = 150, kBytesOfDecision = 1000;
   std::size_t bytes = kReserve + kBytesOfRobot * data["robots"].size() + kBytesOfStage * data["stages"].size();
   if (data["coordinator"].is_object())

@@ -69,7 +69,9 @@ class Patience {
   }
 
  private:
-  static constexpr std::size_t kIntervals = 5;
+  static constexpr std::size_t kIntervals = 5;  // the latest: a sensor may slow down
+  // A sensor is silent after two poses that did not come, and half an interval; before any interval is known, after so
+  // long.
   static constexpr double kMissed = 2.5, kFirst_s = 5.0;
   double silence_s_;
   std::deque<double> intervals_s_;
@@ -206,7 +208,7 @@ class PoseFuser {
   }
 
   void learn_scale(SensorState& state, const PoseSensor& known, const SensorPose& said) {
-    constexpr double kStep_m = 0.1;
+    constexpr double kStep_m = 0.1;  // between two pairs: nearer ones tell more of noise than of scale
     const auto by_wheels = wheels_.at(said.stamp);
     if (!by_wheels) return;
     const CommonPose pair{compose(*by_wheels, known.robot_from_sensor),

@@ -38,12 +38,13 @@ std::vector<MovedKeyframe>::const_iterator nearest(const std::vector<MovedKeyfra
 }
 
 bool is_short(Stamp first, Stamp last) {
-  constexpr double kLongest_s = 5.0;
+  constexpr double kLongest_s = 5.0;  // beyond, wheels drift more than a camera does
   return std::abs(seconds_between(first, last)) < kLongest_s;
 }
 
 // The factor on the sigmas of a motion that another one of the same robot contradicts.
 double disagreement(const Pose3& seen, const Pose3& by_wheels) {
+  // What wheels and a camera that are both right may differ by: noise, and wheels that slip a little.
   constexpr double kFree_m = 0.02, kFree_rad = 0.02, kFreeShare = 0.1;
   const double times = std::max({1.0, (seen.t - by_wheels.t).norm() / (kFree_m + kFreeShare * by_wheels.t.norm()),
                                  turn_rad(between(seen, by_wheels)) / (kFree_rad + kFreeShare * turn_rad(by_wheels))});
@@ -140,6 +141,8 @@ class RigGraph {
   }
 
   void add_covisibility(const RigPart& part) {
+    // Landmarks with which an edge has the usual sigmas (in between, as errors of so many independent ones); the factor
+    // where no depth was measured; a sigma of the scale's logarithm at which it is unknown; wheels that stand still.
     constexpr double kUsuallyShared = 60.0, kWithoutDepth = 2.0, kMostScale = 1.0, kWheels_m = 0.005,
                      kWheels_rad = 0.005;
     for (const CovisibilityEdge& covisible : covisibility_edges(covisibility(*part.map), options_.least_shared)) {

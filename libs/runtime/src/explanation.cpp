@@ -68,8 +68,8 @@ std::optional<Map> own_map(const fs::path& results, const std::string& name) {
 
 // Landmarks of cameras as walls, seen from above; of a map with far outliers what most of them lie in.
 OccupancyGrid grid_of_landmarks(const Map& map) {
-  constexpr double kCell_m = 0.05, kLeft_out = 0.02;
-  constexpr int kMostCells = 2000;
+  constexpr double kCell_m = 0.05, kLeft_out = 0.02;  // the share of points, at each side, that may be far outliers
+  constexpr int kMostCells = 2000;                    // across: bounds the picture
   const std::vector<exporters::ColouredPoint> points = exporters::landmark_cloud(map);
   OccupancyGrid grid;
   if (points.empty()) return grid;
@@ -127,7 +127,7 @@ exporters::HypothesisPanel panel_at(const ReportedTransform& transform, std::vec
 
 // Where a prior puts the maps, unless they agree with it.
 std::optional<exporters::HypothesisPanel> panel_of_prior(const Json& verdict) {
-  constexpr double kFarthest_m = 1e5;
+  constexpr double kFarthest_m = 1e5;  // beyond, what is in the file cannot be drawn
   const auto prior = verdict.find("prior");
   if (prior == verdict.end() || !prior->is_object() || !prior->at("contradicted").get<bool>()) return std::nullopt;
   const Json& pose = prior->at("a_from_b");

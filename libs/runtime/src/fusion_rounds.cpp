@@ -43,6 +43,7 @@ void ChosenPictures::offer(std::size_t round, const Map& joint) {
 }
 
 double SeenArea::add_m2(const Map& part) {
+  // As a coordinator's summaries: scans between add little, and one wrong reading must not add an area.
   constexpr double kCell_m = 0.25, kMoved_m = 0.4, kTurned_rad = 0.5, kFarthest_m = 100.0;
   const std::size_t before = cells_.size();
   for (const auto& [id, node] : part.nodes) {
@@ -91,7 +92,7 @@ void FusionRounds::read_maps(double now_s, LasersInStep& lasers, WorkerPool& poo
 }
 
 bool FusionRounds::is_due(double now_s, LasersInStep& lasers, WorkerPool& pool) {
-  constexpr double kRounding_s = 1e-6;
+  constexpr double kRounding_s = 1e-6;  // sums of periods are off by less
   const bool by_time = options_.period_s > 0.0 && now_s >= last_round_s_ + options_.period_s - kRounding_s;
   if (options_.new_area_m2 > 0.0 || by_time) read_maps(now_s, lasers, pool);
   if (options_.new_area_m2 > 0.0)

@@ -77,6 +77,7 @@ Anchor parse_anchor(std::string_view text) {
     throw Error(ErrorCode::kUsage,
                 "'" + std::string(text) + "' has " + std::to_string(parts.size()) + " parts; 5 to 7 are expected",
                 "--anchor", kAnchorForm);
+  // A full turn and what is written beyond it; a sigma that divides, and below which nobody measures.
   constexpr double kFarthest_m = 1e6, kMostYaw_rad = 7.0, kLeastSigma = 1e-3;
   Anchor anchor;
   anchor.a = parts[0];

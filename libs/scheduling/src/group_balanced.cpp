@@ -65,9 +65,9 @@ class Search {
   }
 
  private:
-  static constexpr std::size_t kKept = 4;
-  static constexpr std::uint32_t kSmall = 100;
-  static constexpr std::uint32_t kMostDisturbed = 30;
+  static constexpr std::size_t kKept = 4;       // groupings: fewer grow alike, more take the budget from the best
+  static constexpr std::uint32_t kSmall = 100;  // robots, up to which habits are those of few
+  static constexpr std::uint32_t kMostDisturbed = 30;  // vertices that a try moves: more of them begin anew
 
   // In units of TabuSearch, of which there are about 400 to 600 in a microsecond; between these numbers of robots, by
   // powers.

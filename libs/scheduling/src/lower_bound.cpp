@@ -58,7 +58,7 @@ struct Relaxation {
 
 // Robots with the same links and scans; where there are too many kinds, those of like scans by the least of each.
 void add_classes(std::map<std::vector<double>, double>& kinds, Relaxation& result) {
-  constexpr std::size_t kMostVariables = 2000;
+  constexpr std::size_t kMostVariables = 2000;  // bounds the time of the solver; fewer kinds make the bound looser
   const std::size_t most = std::max<std::size_t>(1, std::min(kinds.size(), kMostVariables / result.edges));
   std::size_t index = 0;
   for (const auto& [kind, count] : kinds) {
@@ -357,7 +357,7 @@ class Program : public Ipopt::TNLP {
   }
 
  private:
-  static constexpr std::size_t kCurves = 10;
+  static constexpr std::size_t kCurves = 10;  // second derivatives of each edge's terms that are not zero
   std::size_t x(std::size_t c, std::size_t e) const { return c * edges_ + e; }
   std::size_t n(std::size_t e) const { return classes_ * edges_ + e; }
   std::size_t s(std::size_t e) const { return (classes_ + 1) * edges_ + e; }

@@ -17,7 +17,7 @@ using Point = CellPoint;
 class Sketch {
  public:
   void add(const Point& from, const Point& to) {
-    constexpr double kFarthest_m = 100.0;
+    constexpr double kFarthest_m = 100.0;  // of a ray: one wrong reading must not make the summary large
     if (std::hypot(to.x - from.x, to.y - from.y) < kFarthest_m) {
       rays_.push_back({from, to});
       reach(from);
@@ -49,7 +49,7 @@ class Sketch {
     };
     for (const auto& [from, to] : rays_) {
       const double length = std::hypot(to.x - from.x, to.y - from.y);
-      constexpr double kStep_m = 0.5 * kCell_m;
+      constexpr double kStep_m = 0.5 * kCell_m;  // no cell that a ray passes is left out, but for corners
       for (double path_m = 0.0; path_m < length - kStep_m; path_m += kStep_m)
         ++at(from.x + (to.x - from.x) * path_m / length, from.y + (to.y - from.y) * path_m / length).passed;
       ++at(to.x, to.y).hit;
@@ -77,7 +77,7 @@ class Sketch {
   // Looks from a few points that are spread over the path.
   static void describe(const std::vector<Point>& path, MapSummary& summary) {
     using Look = MapSummary::Look;
-    constexpr double kApart_m = 3.0;
+    constexpr double kApart_m = 3.0;  // a third of what a look reaches: nearer ones see the same walls
     const std::vector<Point> walls = walls_of(summary);
     std::vector<Point> from;
     for (const Point& point : path)
@@ -169,7 +169,7 @@ MapSummary summary_of_route(const std::vector<Waypoint>& route, double range_m) 
     low_y = std::min(low_y, point.y_m);
     high_y = std::max(high_y, point.y_m);
   }
-  constexpr double kCell_m = MapSummary::kCell_m, kFarthest_m = 1e6;
+  constexpr double kCell_m = MapSummary::kCell_m, kFarthest_m = 1e6;  // farther out, numbers of cells might not fit
   if (!(std::max({-low_x, -low_y, high_x, high_y, range_m}) < kFarthest_m)) return summary;
   const std::int32_t left = cell_of(low_x - range_m), bottom = cell_of(low_y - range_m);
   const std::int32_t columns = cell_of(high_x + range_m) - left + 1, rows = cell_of(high_y + range_m) - bottom + 1;

@@ -17,6 +17,8 @@ using Cell = MapSummary::Cell;
 // Of walls of one map laid on another.
 struct Agreement {
   int walls = 0, contradictions = 0, known = 0;
+  // A wall that lies on free space outweighs two and a half that lie on walls: doors and noise make a few, another
+  // place makes many.
   int score() const { return walls - 5 * contradictions; }
 };
 
@@ -68,12 +70,14 @@ std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b, const st
   std::vector<Pair> pairs;
   for (std::size_t i = 0; i < a.looks.size(); ++i)
     for (std::size_t j = 0; j < b.looks.size(); ++j) pairs.emplace_back(distance(a.looks[i], b.looks[j]), i, j);
+  // Pairs of viewpoints, and guesses that are refined with all walls: more find pairs that look less alike, and take
+  // longer in proportion (15 to 50 ms a pair of maps as it is; DECISIONS.md, 44).
   constexpr std::size_t kTried = 24, kKept = 6;
   const std::size_t tried = std::min(kTried, pairs.size());
   std::partial_sort(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(tried), pairs.end());
   std::vector<Guess> guesses;
-  constexpr int kHeadings = 60;
-  constexpr double kShift_m = 0.75;
+  constexpr int kHeadings = 60;      // 6 degrees apart: refine() begins with half of that
+  constexpr double kShift_m = 0.75;  // a ring: viewpoints that look alike lie about so near to each other
   for (std::size_t i = 0; i < tried; ++i) {
     const MapSummary::Look &to = a.looks[std::get<1>(pairs[i])], &from = b.looks[std::get<2>(pairs[i])];
     Guess best{0, {}};
@@ -97,6 +101,7 @@ std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b, const st
 // Uphill, by ever smaller steps.
 void refine(const MapSummary& a, const std::vector<CellPoint>& walls_of_b, Guess& guess) {
   guess.score = agreement(a, walls_of_b, guess.a_from_b).score();
+  // From two cells, and half of what guesses are turned apart, down to half a cell, below which cells tell nothing.
   for (double step_m = 0.5, step_rad = 0.05; step_m > 0.1; step_m *= 0.5, step_rad *= 0.5)
     for (bool is_better = true; is_better;) {
       is_better = false;
@@ -135,8 +140,8 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
   }
   if (a.is_in_team_frame != b.is_in_team_frame) return std::nullopt;  // a route that is only announced shows no walls
   const std::vector<CellPoint> walls = walls_of(b);
-  std::vector<CellPoint> some;  // spread evenly
-  constexpr std::size_t kSome = 60;
+  std::vector<CellPoint> some;       // spread evenly
+  constexpr std::size_t kSome = 60;  // walls that stand for all while headings and shifts are tried: bounds the time
   for (std::size_t i = 0; i < std::min(kSome, walls.size()); ++i)
     some.push_back(walls[i * walls.size() / std::min(kSome, walls.size())]);
   std::vector<Guess> guesses = guesses_of(a, b, some);
@@ -146,8 +151,8 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
     if (guess.score > best.score) best = guess;
   }
   const Agreement found = agreement(a, walls, best.a_from_b);
-  constexpr int kLeastWalls = 24;              // of twice the cells: six metres
-  constexpr double kMostContradicting = 0.08;  // of the walls that fall on what is known
+  constexpr int kLeastWalls = 24;  // twelve cells that coincide, or three metres; up to twice as many that lie beside
+  constexpr double kMostContradicting = 0.08;  // of the walls that fall on what is known (DECISIONS.md, 44)
   if (best.score <= 0 || found.walls < kLeastWalls || found.contradictions > kMostContradicting * found.known)
     return std::nullopt;
   return EstimatedOverlap{best.a_from_b, overlap_degree(a, b, best.a_from_b)};
@@ -156,7 +161,7 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
 void OverlapEstimator::put(const RobotId& robot, MapSummary summary) {
   if (summary.known() == 0) return remove(robot);
   Entry& entry = maps_[robot];
-  constexpr double kChanged = 0.1;
+  constexpr double kChanged = 0.1;  // of the cells that were compared: less hardly changes an overlap degree
   entry.is_stale = entry.is_stale || entry.compared.is_in_team_frame != summary.is_in_team_frame ||
                    static_cast<double>(unlike_cells(entry.compared, summary) + unlike_cells(summary, entry.compared)) >
                        kChanged * static_cast<double>(entry.compared.known());
@@ -167,6 +172,7 @@ void OverlapEstimator::put(const RobotId& robot, MapSummary summary) {
 // near, farther and far.
 std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
   std::vector<std::pair<RobotId, RobotId>> pairs;
+  // Of 24 maps there are 276 pairs, some seconds in all; beyond, the time grows with the maps, not with their pairs.
   constexpr std::size_t kAllPairs = 24, kMostAlike = 8;
   if (maps_.size() <= kAllPairs) {
     for (auto a = maps_.begin(); a != maps_.end(); ++a)
@@ -175,14 +181,14 @@ std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
   }
   using Word = std::array<int, 4>;
   const auto word_of = [](const MapSummary::Look& look) {
-    constexpr int kWalls = 8;  // of a step
+    constexpr int kWalls = 8;  // of a step: two metres of wall, by which views of one place differ
     Word word{};
     for (std::size_t ring = 0; ring < look.walls.size(); ++ring)
       word[ring * word.size() / look.walls.size()] += look.walls[ring];
     for (int& part : word) part /= kWalls;
     return word;
   };
-  // Routes lie in one frame: what they share a square of ten metres with are candidates.
+  // Routes lie in one frame: what they share a square of five metres with are candidates.
   std::map<Word, std::vector<std::size_t>> seen_by;
   std::vector<const RobotId*> names;
   std::vector<std::set<Word>> words;
@@ -190,7 +196,7 @@ std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
     std::set<Word> own;
     const MapSummary& summary = entry.summary;
     if (summary.is_in_team_frame) {
-      constexpr std::int32_t kSide = 20;
+      constexpr std::int32_t kSide = 20;  // cells; larger squares make more candidates, smaller ones more words
       for (std::int32_t row = 0; row < summary.rows; row += kSide / 2)
         for (std::int32_t column = 0; column < summary.columns; column += kSide / 2)
           if (summary.at(summary.left + column, summary.bottom + row) != Cell::unknown)

@@ -18,7 +18,7 @@ namespace mapweave::scheduling {
 namespace {
 
 using Json = nlohmann::json;
-constexpr double kMost = 1e12;
+constexpr double kMost = 1e12;  // seconds or bytes: more are no measurement
 
 struct Sample {
   double at, value;
@@ -223,7 +223,7 @@ std::vector<double> coefficients_of(const std::vector<Sample>& samples) {
 // What its own runs say, where there are enough of them. All parts of fusion by themselves take many; fewer say how
 // many times as long as on all edges it takes there.
 EdgeLatency own_of(const OwnSamples& own, const LatencyModel& model) {
-  constexpr std::size_t kEnough = 3, kEnoughForAllParts = 12;
+  constexpr std::size_t kEnough = 3, kEnoughForAllParts = 12;  // the same for each of the four parts
   EdgeLatency edge;
   if (own.slam_s.size() >= kEnough) edge.slam_s_per_scan = coefficients_of(own.slam_s).front();
   if (own.bytes.size() >= kEnough) edge.bytes_per_map_byte = coefficients_of(own.bytes).front();

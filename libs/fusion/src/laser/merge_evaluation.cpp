@@ -18,10 +18,10 @@ constexpr double kLeastSeed = 1.0;           // log odds of the matches that a h
 constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
-constexpr int kMostRounds = 12;
-constexpr int kMostMendings = 2;
-constexpr std::size_t kFewestToMend = 3;  // matches
-constexpr double kAsGoodAFit = 0.9;
+constexpr int kMostRounds = 12;              // of a search: bounds the time; most end before, as nothing new is found
+constexpr int kMostMendings = 2;             // of a hypothesis, which may be wrong; a team has six (DECISIONS.md, 68)
+constexpr std::size_t kFewestToMend = 3;     // matches
+constexpr double kAsGoodAFit = 0.9;          // of the best one's wall on wall: less is what another place has by chance
 constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior
 
 }  // namespace

@@ -13,11 +13,19 @@ namespace {
 // A prior that agrees outweighs what would fit by chance in a large map, but no clear contradiction; one in five may be
 // wrong altogether.
 constexpr double kMostLogOdds = 4.0, kWrong = 0.2;
-constexpr double kSeedWeight = 2.0;  // of a match that agrees, log odds
-constexpr double kFarthestReach_m = 12.0, kSigmas = 3.0;
-constexpr std::size_t kNearest = 2, kMostQuestions = 16;
-constexpr double kLeastContradiction_m = 1.0;
-constexpr double kContradicted = 11.3;  // 99 % of what agrees is nearer
+// Of a match that agrees, log odds: twice what a hypothesis has to begin with (kLeastSeed in merge_evaluation.cpp),
+// half of what the prior says of the whole.
+constexpr double kSeedWeight = 2.0;
+// Around where the prior puts a submap. The bound on the radius is that of wide windows (kWideRadius_m in
+// pair_questions.cpp), the floors are what submaps of the best prior are off.
+constexpr double kSigmas = 3.0, kLeastReach_m = 0.5, kFarthestReach_m = 12.0, kLeastReach_rad = 0.04;
+constexpr double kNearSigmas = 2.0;  // farther apart than submaps that share walls: pairs are asked about all the same
+constexpr std::size_t kNearest = 2;  // submaps of the other map for each: a place lies in two, as submaps overlap
+constexpr std::size_t kMostQuestions = 16;  // of a pair of maps, the nearest first: bounds the time that a prior costs
+// Walls that are seen through where the prior puts maps that were not merged: a moved chair is less than a metre, and
+// maps that are bent contradict each other a little wherever much coincides.
+constexpr double kLeastContradiction_m = 1.0, kContradictedShare = 0.5;
+constexpr double kContradicted = 11.3;  // chi2 of three degrees of freedom: 99 % of what agrees is nearer
 
 double reach(const matching::Point2f& centre) { return std::hypot(centre.x, centre.y); }
 
@@ -66,7 +74,7 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
       const double drift_m = kPathDrift_per_m * (reach(one.centres[i]) + reach(other.centres[j]));
       const double sigma_m = std::sqrt(prior->sigma_m * prior->sigma_m +
                                        lever_m * lever_m * prior->sigma_rad * prior->sigma_rad + drift_m * drift_m);
-      if (distance < std::min(kFarSubmaps_m, kNearSubmaps_m + 2.0 * sigma_m))
+      if (distance < std::min(kFarSubmaps_m, kNearSubmaps_m + kNearSigmas * sigma_m))
         near.emplace_back(distance, one.fingerprints[i], i, sigma_m);
     }
     std::sort(near.begin(), near.end());
@@ -74,8 +82,8 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
       const auto& [distance, print, i, sigma_m] = near[k];
       SubmapQuestion question{graph_.number(a, i), graph_.number(b, j), {}, Thoroughness::whole, Proposer::prior};
       question.from_from_to.a_from_b = between(one.map_from_submap[i], compose(a_from_b, other.map_from_submap[j]));
-      question.from_from_to.radius_m = std::clamp(kSigmas * sigma_m, 0.5, kFarthestReach_m);
-      question.from_from_to.yaw_rad = std::min(M_PI, 0.04 + kSigmas * prior->sigma_rad);
+      question.from_from_to.radius_m = std::clamp(kSigmas * sigma_m, kLeastReach_m, kFarthestReach_m);
+      question.from_from_to.yaw_rad = std::min(M_PI, kLeastReach_rad + kSigmas * prior->sigma_rad);
       const auto prints = std::minmax(print, other.fingerprints[j]);
       ranked.emplace_back(distance, prints.first, prints.second, question);
     }
@@ -137,7 +145,8 @@ std::optional<PriorCheck> PriorEvidence::check(
   check.coinciding_m = walls.coinciding_m;
   check.contradicted_m = walls.contradicted_m;
   if (!a_from_b)
-    check.is_contradicted = walls.contradicted_m > std::max(kLeastContradiction_m, 0.5 * walls.coinciding_m);
+    check.is_contradicted =
+        walls.contradicted_m > std::max(kLeastContradiction_m, kContradictedShare * walls.coinciding_m);
   return check;
 }
 

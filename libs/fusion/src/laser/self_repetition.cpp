@@ -18,10 +18,15 @@ using matching::WallPoint;
 constexpr double kCell_m = SeenRaster::kCell_m, kStep_m = 2.0 * kCell_m;  // of walls; of the first look
 constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;                 // around the part
 constexpr double kElsewhere_m = 3.0;                                      // from the middle of the part, at least
-constexpr double kShare = 0.32, kRoom_m = 20.0;                           // of a part that stands twice
-// What is contradicted elsewhere may be that share of what coincides there, or that of the place itself.
+// Of a part that stands twice: a third of it and a room's walls. Right merges of public logs have no such place,
+// simulated rooms 18 m at most (DECISIONS.md, 66).
+constexpr double kShare = 0.32, kRoom_m = 20.0;
+// What is contradicted elsewhere, as a share of what coincides there, may be half as much again as at the place itself:
+// a quarter at least, the bound that parts of a team have, and two fifths at most.
 constexpr double kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
 constexpr double kAcross = 0.1;  // share of walls of the rarer direction: lines fit anywhere along themselves
+// Walls of the part that are looked at in each cell, and where these fit; places that are looked at again, and those
+// that are kept, as many as are asked what the whole maps say of them (DECISIONS.md, 72): all bound the time.
 constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64, kMostRepetitions = 8;
 
 std::vector<WallPoint> some_of(const std::vector<WallPoint>& walls, std::size_t most) {

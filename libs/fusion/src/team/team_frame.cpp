@@ -28,7 +28,7 @@ void add_directions(const Node& node, std::vector<double>& directions) {
 
 // The middle of the four degrees that hold most of them.
 double densest(const std::vector<double>& directions) {
-  constexpr int kBins = 360, kAround = 8;
+  constexpr int kBins = 360, kAround = 8;  // of a quarter of a degree: two degrees either way, as walls scatter
   std::vector<std::size_t> count(kBins, 0);
   for (const double direction : directions) {
     const double share = std::remainder(direction, kQuarter_rad) / kQuarter_rad + 0.5;
@@ -65,7 +65,7 @@ void move_frame(FusionResult& result, std::size_t team, const Pose3& new_from_ol
 
 std::optional<double> direction_of_walls(const Map& map) {
   constexpr double kNear_rad = 3.0 * kDegree_rad, kLeastShare = 0.2;  // by chance: 6 of 90 degrees
-  constexpr std::size_t kFewest = 50;
+  constexpr std::size_t kFewest = 50;  // walls: of fewer, a fifth in one direction is chance
   std::size_t scans = 0, number = 0;
   for (const auto& entry : map.nodes) scans += entry.second.payload != nullptr;
   const std::size_t stride = scans / kMostScans + 1;

@@ -13,6 +13,8 @@
 namespace mapweave::fusion {
 namespace {
 
+// Where a landmark is looked for in keyframes of others: as far as maps may be off that were only laid on each other,
+// and once they were adjusted. Wider ones find more wrong sightings.
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr std::size_t kAtOnce = 600,
                       kPart = 300;  // keyframes that a preview adjusts at once; else in parts of about so many

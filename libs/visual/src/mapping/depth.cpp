@@ -9,7 +9,7 @@ namespace {
 // Around a pixel: depths farther apart than this share are an edge, and what lies there may be of either side.
 constexpr int kAround = 2, kMostMissing = 6;
 constexpr double kEdge = 0.03, kSigmasAtEdge = 5.0;
-constexpr double kLeastDisparity_px = 1.0;
+constexpr double kLeastDisparity_px = 1.0;  // of less, a fraction of a pixel changes the depth many times over
 
 }  // namespace
 

@@ -8,19 +8,28 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::uint32_t kMostKeyframes = 10;  // that a candidate waits
-constexpr int kMostMisses = 15;               // looks without success, more than those with
+constexpr std::uint32_t kMostKeyframes = 10;  // that a candidate waits: later, its patch looks otherwise
+constexpr int kMostMisses = 15;  // looks without success, more than those with: hidden for a while is not gone
 constexpr std::size_t kMostCandidates = 600;  // the newest; bounds the time of a frame
 // Sigma of the inverse depth as a share of it: of a landmark, and where no more is learnt. While the camera turns on
 // the spot, landmarks leave the picture and no depth is learnt: then those of any depth hold its direction.
 constexpr double kRoughlyKnown = 0.35, kKnown = 0.05;
-constexpr std::size_t kFewMatches = 120;
-constexpr double kCaution = 3.0;  // sigmas of neighbouring frames err alike
-constexpr int kLeastFound = 2;
+constexpr std::size_t kFewMatches = 120;  // in a picture: with fewer, those of any depth are taken
+constexpr double kCaution = 3.0;          // sigmas of neighbouring frames err alike
+constexpr double kClearlyBetter = 0.95;   // of the sigma: a view that gains less is not taken for the best one
+constexpr int kLeastFound = 2;            // once may be another thing that looks alike
+// Of the inverse depth: how far the line is searched, which costs time; and how far off what is found there, aligned to
+// a fraction of a pixel, may be.
 constexpr double kSigmas = 2.0, kGateSigmas = 3.0;
-constexpr double kBorder = 8.0, kOffLine_px = 1.5;
-constexpr double kStep_px = 0.7;
-constexpr int kMostSteps = 120;
+constexpr double kFarthest = 1e-4;   // inverse depth; smaller ones show no parallax
+constexpr double kNearest = 0.05;    // of the depth in the keyframe: nearer, the camera is all but beside it
+constexpr double kBorder = 8.0;      // of the picture: twice the half of a patch that is compared
+constexpr float kReach_px = 2.5F;    // of the alignment: more than the step and the line's error
+constexpr double kOffLine_px = 1.5;  // after the alignment; the line is off as the camera's pose is
+constexpr double kStep_px = 0.7;     // half of a pixel's diagonal: no pixel along the line is left out
+constexpr int kFewestSteps = 3;      // of a line: shorter ones lie within kReach_px of their middle
+constexpr int kMostSteps = 120;      // bounds the time; longer lines wait until the depth is known better
+// Correlations: of what is taken for the same place, and of another place, beside the best, that makes it ambiguous.
 constexpr float kLikely = 0.75F, kNearlyAsGood = 0.95F;
 constexpr double kApart_px = 3.0;  // of the patch's level: another place
 
@@ -28,7 +37,7 @@ struct Line {  // of what lies on a candidate's ray, by inverse depth
   Eigen::Vector3d far, by_inverse_depth;
   std::optional<Eigen::Vector2d> at(double inverse_depth, const Pinhole& camera) const {
     const Eigen::Vector3d p = far + inverse_depth * by_inverse_depth;
-    if (!(p.z() > 0.05)) return std::nullopt;
+    if (!(p.z() > kNearest)) return std::nullopt;
     const Eigen::Vector2d pixel = camera.project(p);
     if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder &&
           pixel.y() < camera.height - kBorder))
@@ -68,7 +77,7 @@ std::optional<Eigen::Vector2d> search_line(const WarpedPatch& patch, const GreyI
   const double length = (*to - *from).norm() / (1 << patch.level);
   const int steps = static_cast<int>(std::ceil(length / kStep_px));
   if (steps > kMostSteps) return std::nullopt;
-  if (steps < 3) return Eigen::Vector2d(0.5 * (*from + *to));
+  if (steps < kFewestSteps) return Eigen::Vector2d(0.5 * (*from + *to));
   std::vector<float> scores;
   for (int i = 0; i <= steps; ++i) scores.push_back(likeness(patch, image, *from + (*to - *from) * i / steps));
   const auto best = static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
@@ -90,7 +99,7 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   const View new_from_old = view * map.keyframe(candidate.keyframe).view.inverse();
   const Eigen::Vector3d ray = camera.ray(candidate.pixel - map.calibration.readout_s * candidate.row_flow);
   const Line line{new_from_old.rotation * ray, new_from_old.translation};
-  const double low = std::max(1e-4, candidate.inverse_depth - kSigmas * candidate.sigma),
+  const double low = std::max(kFarthest, candidate.inverse_depth - kSigmas * candidate.sigma),
                high = candidate.inverse_depth + kSigmas * candidate.sigma;
   const double middle = std::max(low, candidate.inverse_depth), step = 0.01 * middle;
   const auto here = line.at(middle, camera), beside = line.at(middle + step, camera);
@@ -99,7 +108,7 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   const double sigma =
       M_SQRT2 * options.sigma_px * (1 << candidate.patch.level) / std::max(pixels_per_inverse_depth, 1e-9);
   candidate.now = *here;
-  const bool gives_depth = sigma < 0.95 * candidate.sigma;
+  const bool gives_depth = sigma < kClearlyBetter * candidate.sigma;
   if (!gives_depth && candidate.landmark >= 0) return Look::hidden;
 
   const auto warped =
@@ -107,12 +116,12 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   if (!warped) return Look::hidden;
   const auto start = search_line(*warped, picture[warped->level], line, low, high, camera);
   if (!start) return Look::missed;
-  const auto match = align_patch(*warped, picture[warped->level], *start, 2.5F);
+  const auto match = align_patch(*warped, picture[warped->level], *start, kReach_px);
   if (!match || static_cast<double>(match->correlation) < options.min_correlation) return Look::missed;
   const Eigen::Vector3d seen = camera.ray(match->pixel), a = seen.cross(line.far),
                         b = seen.cross(line.by_inverse_depth);
   const double inverse_depth = -a.dot(b) / b.squaredNorm();
-  if (!(inverse_depth > 1e-4)) return Look::missed;
+  if (!(inverse_depth > kFarthest)) return Look::missed;
   const auto there = line.at(inverse_depth, camera);
   if (!there || (*there - match->pixel).norm() > kOffLine_px * (1 << warped->level) ||
       std::abs(inverse_depth - candidate.inverse_depth) > kGateSigmas * std::hypot(sigma, candidate.sigma))

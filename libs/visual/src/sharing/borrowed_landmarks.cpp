@@ -15,6 +15,8 @@ constexpr double kLeastCosine = 0.5, kMostRangeRatio = 2.5;  // of how it was se
 constexpr double kBorder = 8.0;                              // pixels
 
 constexpr double kReach = 0.02, kLeastReach_px = 8.0;  // widths of the picture: how far keyframes look
+// Landmarks that may say together where the camera is, if half of them agree and it is no farther than that from where
+// tracking has it. Fewer, or a farther place, may agree by chance: each is then compared where the camera is.
 constexpr std::size_t kLeastTogether = 12;
 constexpr double kNear_m = 0.3, kNear_rad = 0.1;
 

@@ -8,11 +8,11 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kMostFeatures = 10000;  // of a keyframe that is kept: bounds memory
-constexpr std::size_t kMostInView = 400;      // landmarks for one keyframe
-constexpr std::size_t kBeside = 3;            // others that speak with the keyframe that looks alike
-constexpr double kBeside_m = 1.0, kBeside_rad = 0.5;
-constexpr double kMostScale = 1000.0;
+constexpr std::size_t kMostFeatures = 10000;          // of a keyframe that is kept: bounds memory
+constexpr std::size_t kMostInView = 400;              // landmarks for one keyframe
+constexpr std::size_t kBeside = 3;                    // others that speak with the keyframe that looks alike
+constexpr double kBeside_m = 1.0, kBeside_rad = 0.5;  // from it: they show much of the same
+constexpr double kMostScale = 1000.0;                 // either way: no map of a camera is as large or as small
 
 // The session's keyframe nearest to a camera; -1 without any.
 int nearest_to(const LandmarkMap& map, int session, const View& view) {
