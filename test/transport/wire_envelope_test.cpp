@@ -98,12 +98,12 @@ TEST_F(Receiver, makes_a_message_of_parts_in_any_order_and_twice) {
   EXPECT_FALSE(add(parts[0], "a").message);
   EXPECT_FALSE(add(parts[2], "c2").message);
   EXPECT_GT(reassembly_.waiting_bytes(), 6000U);
-  EXPECT_THAT(reassembly_.tags(), ElementsAre("c", "a", "c2"));
+  EXPECT_THAT(reassembly_.tags(), ElementsAre("a", "c2"));
   const auto result = add(parts[1], "b");
   ASSERT_TRUE(result.message);
   EXPECT_EQ(result.message->envelope.bytes, noise(10'000));
   EXPECT_EQ(result.message->envelope.sequence, 7U);
-  EXPECT_THAT(result.message->tags, ElementsAre("c", "a", "c2", "b"));
+  EXPECT_THAT(result.message->tags, ElementsAre("a", "b", "c2"));
   EXPECT_EQ(reassembly_.waiting_bytes(), 0U);
 }
 

@@ -95,13 +95,8 @@ std::optional<WireRefusal> Reassembly::keep(Sender& sender, const WirePart& part
         known.sequence != part.sequence || known.last_counts != part.last_counts)
       return WireRefusal::contradiction;
     if (const auto there = one->second.parts.find(part.part); there != one->second.parts.end()) {
-      if (there->second != part.bytes) return WireRefusal::contradiction;
-      one->second.tags.push_back(std::move(tag));
-      // Repetitions say nothing new: more of them than parts are let go of.
-      if (one->second.tags.size() > 4 * std::size_t{part.header.parts}) {
-        result.given_up.push_back(std::move(one->second.tags.front()));
-        one->second.tags.erase(one->second.tags.begin());
-      }
+      if (there->second.bytes != part.bytes) return WireRefusal::contradiction;
+      there->second.tag = std::move(tag);
       return std::nullopt;
     }
     if (one->second.bytes + part.bytes.size() > part.header.bytes) return WireRefusal::contradiction;
@@ -114,8 +109,7 @@ std::optional<WireRefusal> Reassembly::keep(Sender& sender, const WirePart& part
     one->second.envelope = {part.subject, {}, part.sender, part.sequence, part.last_counts};
   }
   Waiting& waiting = one->second;
-  waiting.parts.emplace(part.part, part.bytes);
-  waiting.tags.push_back(std::move(tag));
+  waiting.parts.insert_or_assign(part.part, Part{std::string(part.bytes), std::move(tag)});
   waiting.bytes += part.bytes.size();
   waiting.cost += cost;
   waiting.last_s = sender.last_s;
@@ -125,7 +119,7 @@ std::optional<WireRefusal> Reassembly::keep(Sender& sender, const WirePart& part
 
   Message message{waiting.header, waiting.envelope, {}};
   message.envelope.bytes.reserve(waiting.bytes);
-  for (const auto& [index, bytes] : waiting.parts) message.envelope.bytes += bytes;
+  for (const auto& [index, one_part] : waiting.parts) message.envelope.bytes += one_part.bytes;
   std::vector<std::string> tags;
   drop(sender, one, tags);
   if (message.envelope.bytes.size() != message.header.bytes ||
@@ -156,7 +150,7 @@ bool Reassembly::make_room(Sender& sender, const Key& keep, std::size_t cost, st
 }
 
 void Reassembly::drop(Sender& sender, std::map<Key, Waiting>::iterator one, std::vector<std::string>& given_up) {
-  append(given_up, std::move(one->second.tags));
+  for (auto& [index, part] : one->second.parts) given_up.push_back(std::move(part.tag));
   sender.cost -= one->second.cost;
   waiting_bytes_ -= one->second.cost;
   sender.waiting.erase(one);
@@ -179,7 +173,8 @@ std::vector<std::string> Reassembly::expire(double now_s) {
 std::vector<std::string> Reassembly::tags() const {
   std::vector<std::string> all;
   for (const auto& [name, sender] : senders_)
-    for (const auto& [key, waiting] : sender.waiting) all.insert(all.end(), waiting.tags.begin(), waiting.tags.end());
+    for (const auto& [key, waiting] : sender.waiting)
+      for (const auto& [index, part] : waiting.parts) all.push_back(part.tag);
   return all;
 }
 

@@ -30,7 +30,7 @@ class Reassembly {
   struct Message {
     WireHeader header;
     Envelope envelope;
-    std::vector<std::string> tags;  // of its parts, as they came, repetitions too
+    std::vector<std::string> tags;  // of its parts, in their order; of a part that came twice the last one
   };
   struct Result {
     std::optional<WireRefusal> refusal;  // of this part
@@ -49,11 +49,13 @@ class Reassembly {
 
  private:
   using Key = std::tuple<std::uint64_t, std::uint8_t, std::uint64_t, Hash>;  // session, priority, number, hash
+  struct Part {
+    std::string bytes, tag;
+  };
   struct Waiting {
     WireHeader header;
     Envelope envelope;  // without bytes
-    std::map<std::uint32_t, std::string> parts;
-    std::vector<std::string> tags;
+    std::map<std::uint32_t, Part> parts;
     std::size_t bytes = 0, cost = 0;
     double last_s = 0.0;
   };
