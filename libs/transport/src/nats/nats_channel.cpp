@@ -74,7 +74,10 @@ void NatsChannel::close() {
   const std::lock_guard lock(state_->mutex);
   if (std::exchange(state_->closes, true)) return;
   state_->linger_until_s = state_->now_s() + state_->options.linger_s;
-  if (!state_->receiver.is_closed()) state_->sender.put({}, 0, WireKind::closes);
+  if (state_->options.linger_s > 0.0 && !state_->receiver.is_closed()) {
+    state_->sender.put({}, 0, WireKind::closes);
+    state_->receiver.close();
+  }
   state_->came.notify_all();
   state_->stir();
 }
@@ -95,7 +98,8 @@ NatsChannelState NatsChannel::state() const {
   shown.received = state_->receiver.counts();
   for (std::size_t i = 0; i < kWireRefusals; ++i)
     shown.refused[i] = state_->receiver.refused(static_cast<WireRefusal>(i));
-  if (shown.trouble.empty()) shown.trouble = state_->sender.trouble();
+  if (const std::string& of_sender = state_->sender.trouble(); !of_sender.empty())
+    shown.trouble = of_sender + (shown.trouble.empty() ? "" : "; " + shown.trouble);
   return shown;
 }
 

@@ -120,8 +120,15 @@ void NatsChannel::State::on_state_out(std::size_t priority, const std::optional<
 }
 
 void NatsChannel::State::on_state_in(std::size_t priority, const std::optional<ConsumerState>& state) {
-  if (state && state->acknowledged > 0)
-    in[priority].stream.purge(in[priority].consumer.options().subject, state->acknowledged + 1);
+  if (!state) return;
+  Incoming& one = in[priority];
+  {
+    const std::lock_guard lock(mutex);
+    // The broker may not have seen the last ones yet.
+    if (state->acknowledged < state->delivered) one.has_new_acknowledged = true;
+    if (std::exchange(one.purged, state->acknowledged) == state->acknowledged) return;
+  }
+  one.stream.purge(one.consumer.options().subject, state->acknowledged + 1);
 }
 
 void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& message) {
@@ -137,6 +144,7 @@ void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& me
       return;
     }
     if (one.asked_for > 0) --one.asked_for;
+    one.bytes_since_purge += message.bytes.size();
     const bool was_closed = receiver.is_closed();
     receiver.add(priority, message.bytes, message.reply, now_s());
     received_at_s = now_s();
@@ -158,7 +166,7 @@ void NatsChannel::State::call_listener() {
 
 void NatsChannel::State::run() {
   std::unique_lock lock(mutex);
-  while (!is_done()) {
+  while (!ends || now_s() < linger_until_s) {
     const std::uint64_t now_generation = connection->generation();
     if (now_generation != generation) {
       generation = now_generation;
@@ -182,6 +190,7 @@ void NatsChannel::State::run() {
     }
     tick_receiver();
     lock.lock();
+    if (is_done()) return;
     changed.wait_for(lock, std::chrono::duration<double>(wait_s()), [&] { return is_stirred || ends; });
     is_stirred = false;
   }
@@ -195,10 +204,10 @@ double NatsChannel::State::wait_s() const {
   return soonest_s;
 }
 
-// Under the lock: closed, and what was sent is with the broker, or that took too long.
+// Under the lock: closed, and what was sent is with the broker, or cannot get there.
 bool NatsChannel::State::is_done() {
   if (!ends) return false;
-  return sender.session() == 0 || sender.is_idle() || now_s() >= linger_until_s || !connection->state().is_connected;
+  return sender.session() == 0 || sender.is_idle() || !connection->state().is_connected;
 }
 
 // Whether it worked; why not is what holds the channel up. Said when it stays so: ends may start in any order.
@@ -342,8 +351,11 @@ void NatsChannel::State::ask_states() {
         sent.asked_s = now_s();
         sent.ask_every_s = std::clamp(1.5 * sent.ask_every_s, kLeastAsk_s, kMostAsk_s);
       }
-      asks_in = got.has_new_acknowledged && now_s() - got.purged_s > kPurge_s;
+      // A stream of which an eighth can be taken away is not left to fill up.
+      const bool is_much = got.bytes_since_purge > options.in.stream_bytes / 8;
+      asks_in = got.has_new_acknowledged && now_s() - got.purged_s > (is_much ? kLeastAsk_s : kPurge_s);
       if (asks_in) {
+        got.bytes_since_purge = 0;
         got.purged_s = now_s();
         got.has_new_acknowledged = false;
       }

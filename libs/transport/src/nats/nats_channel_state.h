@@ -41,6 +41,8 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
     int asked_for = 0;  // messages that the broker may still deliver
     double asked_until_s = 0.0, purged_s = 0.0;
     bool has_new_acknowledged = false;
+    std::uint64_t purged = 0;             // up to there
+    std::uint64_t bytes_since_purge = 0;  // delivered
   };
 
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();

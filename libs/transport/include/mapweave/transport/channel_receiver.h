@@ -35,6 +35,9 @@ class ChannelReceiver {
   bool has_ready() const { return !ready_.empty(); }
   void acknowledge(std::uint64_t delivery);
 
+  // This end closes: what it did not acknowledge is forgotten.
+  void close() { forget_all(); }
+
   // To be acknowledged: messages up to the first of their class that is not. To be refused for ever.
   std::vector<std::string> take_acknowledged() { return std::exchange(acknowledged_, {}); }
   std::vector<std::string> take_refused() { return std::exchange(refused_, {}); }

@@ -42,7 +42,9 @@ struct NatsChannelOptions {
   ReassemblyLimits received;
   std::size_t most_received_bytes = std::size_t{256} << 20;  // in memory; nothing more is asked for meanwhile
   double repeat_s = 5.0;  // what this end's program neither acknowledged nor still has is delivered again
-  double linger_s = 0.5;  // what close() and the destructor grant the rest on its path to the broker
+  // What close() and the destructor grant the rest on its path to the broker; 0: it ends as if it were killed, and the
+  // other end is not informed.
+  double linger_s = 0.5;
   LinkEnd link_end = LinkEnd::broker;
 };
 
