@@ -2,6 +2,7 @@
 
 #include <mapweave/core/mixed_bits.h>
 #include <mapweave/transport/nats_channel.h>
+#include <mapweave/transport/nats_stream.h>
 
 #include <mutex>
 
@@ -197,18 +198,27 @@ TEST_F(NatsChannelTest, goes_on_where_streams_and_consumers_are_deleted) {
 
 TEST_F(NatsChannelTest, waits_where_the_stream_is_full) {
   auto small = robot_options();
-  small.out.stream_bytes = 300'000;
-  robot = std::make_unique<NatsChannel>(at_robot, small);
-  for (std::uint64_t i = 0; i < 10; ++i) send(*robot, {"update", noise(100'000, i), "alpha", i + 1});
-  EXPECT_TRUE(soon([&] { return robot->state().full_s.has_value(); })) << "and nothing was forgotten";
-  EXPECT_THAT(robot->state().trouble, testing::HasSubstr("maximum bytes"));
+  small.out.stream_bytes = 600'000;
   auto other = edge_options();
   other.in.stream_bytes = small.out.stream_bytes;
+  robot = std::make_unique<NatsChannel>(at_robot, small);
   edge = std::make_unique<NatsChannel>(at_edge, other);
+  EXPECT_EQ(robot->send({"update", noise(300'001, 1)}), Sent::never) << "half of the stream at most";
+  ASSERT_TRUE(soon([&] { return robot->state().streams_made == 2; }));
+  const NatsStream stream(at_edge, {"north_up_1", {}, {}, 0, 0.0});
+  const std::string of_another = "mw.north_up.1.beta";  // who never receives
+  while (stream.publish(of_another, noise(50'000, 1), {}, 10s).outcome == Publication::Outcome::stored) {}
+  std::thread sending([&] {
+    for (std::uint64_t i = 0; i < 10; ++i) send(*robot, {"update", noise(100'000, i), "alpha", i + 1});
+  });
+  EXPECT_TRUE(soon([&] { return robot->state().full_s.has_value(); })) << "and nothing was forgotten";
+  EXPECT_THAT(robot->state().trouble, testing::HasSubstr("maximum bytes"));
+  stream.purge(of_another, 1000);
   const auto all = receive(*edge, 10);
+  sending.join();
   ASSERT_EQ(all.size(), 10U);
   for (std::uint64_t i = 0; i < 10; ++i) EXPECT_TRUE(all[i] == noise(100'000, i)) << i;
-  EXPECT_TRUE(soon([&] { return !robot->state().full_s; }));
+  EXPECT_FALSE(robot->state().full_s);
 }
 
 TEST_F(NatsChannelTest, begins_another_session_when_either_program_is_started_again) {
@@ -240,6 +250,23 @@ TEST_F(NatsChannelTest, begins_another_session_when_either_program_is_started_ag
   const NatsChannel edge_again(at_edge, edge_options());
   send(*robot_again, {"view", "lost"});
   EXPECT_TRUE(soon([&] { return robot_again->is_closed(); })) << "and says so";
+}
+
+TEST_F(NatsChannelTest, may_be_let_go_of_by_its_listener) {
+  connect_both();
+  std::atomic<bool> is_gone{false};
+  send(*robot, {"hello", "x"});
+  EXPECT_THAT(receive(*edge, 1), ElementsAre("x"));
+  edge->set_listener([&] {
+    if (!edge->is_closed()) return;
+    edge.reset();
+    is_gone = true;
+  });
+  robot.reset();
+  EXPECT_TRUE(soon([&] { return is_gone.load(); }));
+  connect_both();
+  send(*robot, {"hello", "y"});
+  EXPECT_THAT(receive(*edge, 1), ElementsAre("y"));
 }
 
 TEST_F(NatsChannelTest, of_others_carries_nothing_and_of_strangers_nothing_either) {

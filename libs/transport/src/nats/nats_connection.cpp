@@ -431,7 +431,7 @@ bool NatsConnection::publish(const std::string& subject, std::string_view bytes,
 
 std::optional<NatsMessage> NatsConnection::request(const std::string& subject, std::string_view bytes,
                                                    std::chrono::milliseconds patience, const std::string& message_id) {
-  MAPWEAVE_EXPECT(std::this_thread::get_id() != state_->thread.get_id(), "the connection's thread must not wait");
+  MAPWEAVE_EXPECT(!is_own_thread(), "the connection's thread must not wait");
   struct Answer {
     std::mutex mutex;
     std::condition_variable came;
@@ -454,6 +454,8 @@ std::optional<NatsMessage> NatsConnection::request(const std::string& subject, s
   answer->came.wait_for(lock, patience, [&] { return answer->message || answer->is_lost; });
   return answer->message;
 }
+
+bool NatsConnection::is_own_thread() const { return std::this_thread::get_id() == state_->thread.get_id(); }
 
 void NatsConnection::cut() {
   if (const ConnectionHandle connection = state_->current()) natsConnection_Close(connection.get());

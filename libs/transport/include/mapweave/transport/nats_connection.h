@@ -91,6 +91,8 @@ class NatsConnection {
   // The first answer; nullopt: none came in time. Not for the connection's own thread (contract).
   std::optional<NatsMessage> request(const std::string& subject, std::string_view bytes,
                                      std::chrono::milliseconds patience, const std::string& message_id = {});
+  // Whether the caller is the connection's thread, which must not wait.
+  bool is_own_thread() const;
   // Lets go of the connection, which is made anew: as if the wire had been cut.
   void cut();
 
