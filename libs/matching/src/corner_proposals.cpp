@@ -199,12 +199,12 @@ class CornerSearch {
   }
 
   double score_m(const Pose2& a_from_b) const {
-    return 0.5 * (gain_m(faces_b_, b_, a_, raster_a_, a_from_b) +
-                  gain_m(faces_a_, a_, b_, raster_b_, inverse(a_from_b)));
+    return 0.5 *
+           (gain_m(faces_b_, b_, a_, raster_a_, a_from_b) + gain_m(faces_a_, a_, b_, raster_b_, inverse(a_from_b)));
   }
 
   double gain_m(const std::vector<WallPoint>& faces, const GridWalls& of, const GridWalls& in,
-                   const FaceRaster& walls_in, const Pose2& in_from_of) const {
+                const FaceRaster& walls_in, const Pose2& in_from_of) const {
     if (faces.empty()) return 0.0;
     std::size_t on_walls = 0, deep = 0;
     for (const WallPoint& face : placed(in_from_of, faces)) {
