@@ -57,7 +57,9 @@ struct NatsMessage {
 enum class InboxKind { answers, deliveries };
 class NatsInbox {
  public:
-  virtual ~NatsInbox() = default;  // nothing comes any more, but for a call that has begun
+  // No call of the handler begins any more. One that has begun is not waited for, as it may wait for a lock of who
+  // destroys this: what a handler uses it must own, or find gone (std::weak_ptr).
+  virtual ~NatsInbox() = default;
   virtual const std::string& subject() const = 0;
 };
 
