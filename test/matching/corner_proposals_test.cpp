@@ -8,7 +8,8 @@
 namespace mapweave::matching {
 namespace {
 
-// Rectangles of floor in unknown space; walls are the unknown cells beside floor.
+// Rectangles of floor in unknown space; walls are the unknown cells beside floor. Two corners of the grid are known,
+// so that no wall lies at the edge of what is known, where the side that it shows is not.
 struct Floor {
   double x0, y0, x1, y1;
 };
@@ -39,6 +40,7 @@ OccupancyGrid grid_of(const std::vector<Floor>& floors, const Pose2& grid_from_f
       for (int turn = 0; turn < 8; ++turn)
         if (is_floor(x + 0.08 * std::cos(turn * M_PI / 4.0), y + 0.08 * std::sin(turn * M_PI / 4.0))) cell = 100;
     }
+  grid.log_odds.front() = grid.log_odds.back() = -100;
   return grid;
 }
 
@@ -77,10 +79,12 @@ TEST(CornerProposals, put_a_part_of_a_flat_where_it_lies_in_another_part) {
   const GridWalls left = walls_of(grid_of(between_x(-1, 8.5)));
   for (const Pose2& moved : {Pose2(3, -2, 0.4), Pose2(-4, 1, -1.9), Pose2(0, 0, M_PI)}) {
     const auto proposals = propose_by_corners(left, walls_of(grid_of(between_x(3.5, 12), moved)), 6, 0.5);
-    ASSERT_FALSE(proposals.empty());
-    const Pose2 off = compose(proposals.front().a_from_b, moved);
-    EXPECT_LT(std::hypot(off.x, off.y), 0.15) << moved.phi;
-    EXPECT_LT(std::abs(off.phi), 0.02) << moved.phi;
+    // The corridor fits by half a turn as well, over all of its length: whole maps decide between the two.
+    ASSERT_GE(proposals.size(), 2U);
+    EXPECT_TRUE(std::any_of(proposals.begin(), proposals.begin() + 2, [&](const CornerProposal& proposal) {
+      const Pose2 off = compose(proposal.a_from_b, moved);
+      return std::hypot(off.x, off.y) < 0.15 && std::abs(off.phi) < 0.02;
+    })) << moved.phi;
   }
 }
 
