@@ -83,7 +83,7 @@ class FullDisk(support.Scenario):
                     self.assertRegex(done.stderr.lower(), "space|full")
                     self.assertEqual(left, [])
 
-    def test_a_map_server_s_disk_that_is_full_loses_no_keyframe_and_is_told(self):
+    def test_a_map_server_s_disk_that_is_full_loses_no_keyframe_and_is_reported(self):
         self.write("world.yaml", WORLDS["cameras"].replace("length_m: 6", "length_m: 8").replace("edges: 2", "edges: 1"))
         self.mapweave("simulate", "world.yaml", "--out", "world")
         options = ("sensor=rgbd", "server.share=view", "server.keyframes=20", "visual.memory.keyframes=20", "output.report=false")
