@@ -86,6 +86,7 @@ Share global_share() {
   light.landmarks.clear();
   result.keyframes = {whole, light};
   result.dropped = {{kAlpha, 3}, {{{RobotId("gamma"), SensorId("camera")}, 9}, 1}};
+  result.number = 4;
   return result;
 }
 
@@ -104,13 +105,18 @@ TEST(Exchange, gives_keyframes_of_others_back_and_light_ones_are_small) {
   EXPECT_EQ(got.keyframes[0].landmarks.size(), 10U);
   EXPECT_FALSE(got.keyframes[1].features);
   EXPECT_EQ(got.dropped, sent.dropped);
+  EXPECT_EQ(got.number, sent.number);
   Share without = sent;
   without.keyframes.pop_back();
   EXPECT_LT(bytes.size() - encode(without).size(), 80U);
   ClientView view{MapId("beta.camera"), {5}, Pose3(), 0};
   const std::string silent = encode(view);
   view.room = 300;
+  view.missed = 2;
+  view.missed_after = 7;
   EXPECT_EQ(decode_client_view(encode(view), "test").room, 300U);
+  EXPECT_EQ(decode_client_view(encode(view), "test").missed, 2U);
+  EXPECT_EQ(decode_client_view(encode(view), "test").missed_after, 7U);
   EXPECT_EQ(decode_client_view(silent, "test").room, 0U);
 }
 

@@ -145,6 +145,24 @@ TEST_F(RunInRounds, goes_with_robots_that_a_coordinator_moves) {
   EXPECT_EQ(parsed(folder / "with/summary.json")["coordinator"]["rounds"]["rounds"], report.work.rounds.size());
 }
 
+// Edges whose processors take longer for a round than the time until the next one.
+TEST_F(RunInRounds, come_faster_than_edges_fuse_and_lose_nothing) {
+  run("without");
+  configuration.cloud.rounds.period_s = 1.0;
+  const Report quick = run("quick");
+  configuration.processors.edge = 1e-4;
+  const Report slow = run("slow");
+  EXPECT_EQ(outputs("without"), outputs("slow"));
+  EXPECT_EQ(rounds_without_times(folder / "quick"), rounds_without_times(folder / "slow"));
+  EXPECT_EQ(slow.exit_code(), quick.exit_code());
+  const auto is_of_rounds = testing::HasSubstr("faster than north fuses");
+  EXPECT_THAT(quick.notes, testing::Not(testing::Contains(is_of_rounds)));
+  EXPECT_THAT(slow.notes, testing::Contains(is_of_rounds));
+  std::size_t left_out = 0;
+  for (const auto& tier : slow.timeline->rounds->tiers) left_out += tier.left_out;
+  EXPECT_GT(left_out, 2u);
+}
+
 TEST_F(RunInRounds, says_what_it_does_not_do) {
   configuration.cloud.rounds.period_s = 0.05;
   EXPECT_THROW(make_plan(configuration, {}), Error);

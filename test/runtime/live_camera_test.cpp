@@ -139,6 +139,39 @@ TEST(LiveCamera, goes_on_with_another_server_that_knows_nothing) {
   expect_agreement(second.finish().maps(), client, robot);
 }
 
+// What a camera has no room for its server keeps. One that knows nothing of it cannot get that back from the camera.
+TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
+  const test::TemporaryFolder folder;
+  auto team = alone(20.0);
+  const Robot& robot = team.robots[0];
+  LiveCameraOptions small;
+  small.client.memory.keyframes = 20;
+  for (const bool has_journal : {true, false}) {
+    const auto path = has_journal ? std::optional(folder.path() / "server.mwj") : std::nullopt;
+    tiers::ServerOptions sharing;
+    sharing.share = tiers::Sharing::view;
+    auto first =
+        std::make_unique<LiveMapServer>(TierId("edge"), sharing, fusion::FusionOptions{}, LiveServerOptions{}, path);
+    LiveCamera camera(robot.place, robot.camera, 0.0, small, first->connect());
+    drive(camera, robot, 0, 2 * robot.count / 3, 8ms);
+    first.reset();
+    testing::internal::CaptureStderr();
+    LiveMapServer second(TierId("edge"), sharing, {}, {}, path);
+    camera.reconnect(second.connect());
+    drive(camera, robot, 2 * robot.count / 3, robot.count, 8ms);
+    const visual::VisualClient& client = camera.finish(20s);
+    const std::string log = testing::internal::GetCapturedStderr();
+    ASSERT_GT(client.forgotten(), 5U);
+    const Map map = second.finish().maps().at(0);
+    std::printf("%zu keyframes, %zu forgotten; the server has %zu\n", client.keyframes().size(), client.forgotten(),
+                map.nodes.size());
+    EXPECT_THAT(log, testing::Conditional(has_journal, testing::Not(testing::HasSubstr("lacks")),
+                                          testing::AllOf(testing::HasSubstr("alpha.camera: the map server lacks"),
+                                                         testing::HasSubstr("visual.memory.keyframes"))));
+    EXPECT_EQ(map.nodes.size() + 5 > client.keyframes().size() + client.forgotten(), has_journal);
+  }
+}
+
 TEST(LiveCamera, says_what_to_do_where_a_keyframe_is_longer_than_the_queue) {
   auto team = alone(2.0);
   const Robot& robot = team.robots[0];

@@ -1,5 +1,6 @@
 """Configurations that cannot be meant: the message names file and line, exit code 3, nothing is written."""
 import support
+from option_effect_inputs import WORLDS
 from support import BAD_INPUT, USAGE
 
 
@@ -47,6 +48,23 @@ class BadConfiguration(support.Scenario):
     def test_two_robots_with_contradictory_options(self):
         self.refuse("robots:\n  - {id: alpha, log: a.log}\n  - {id: beta, log: b.log, visual: {vocabulary: words.gz}}\n",
                     "team.yaml:3", "robot 'beta' has a vocabulary of its own", "robot 'alpha'", "set visual.vocabulary for all")
+
+    def test_two_robots_of_one_map_server_with_contradictory_options(self):
+        self.write("world.yaml", WORLDS["cameras"].replace("length_m: 6", "length_m: 1").replace("length_m: 5", "length_m: 1"))
+        self.mapweave("simulate", "world.yaml", "--out", "world")
+        robots = "robots:\n  - {id: alpha, log: world/alpha.rawlog, edge: one, %s}\n  - {id: beta, log: world/beta.rawlog, edge: one, %s}\n"
+        waits = "visual: {session: {await_place: true}}"
+        for sensor, alpha, beta, words in (
+                ("rgbd", "rig: {enabled: true}", "rig: {enabled: false}",
+                 ("team.yaml:2", "'alpha' and 'beta' have different options of rig", "edge 'one'", "set rig for all robots")),
+                ("mono", waits, waits, ("team.yaml:2", "'alpha' and 'beta' of edge 'one' wait for each other's maps", "await_place: false"))):
+            share = f"sensor: {sensor}\nserver: {{share: view, across_edges: false}}\n"
+            config = self.write("team.yaml", robots % (alpha, beta) + share)
+            self.assert_says(self.mapweave("run", config, "--out", "out", code=BAD_INPUT), *words)
+            self.assert_nothing_left("out")
+        # One of each is no contradiction: each maps for itself, and the results say what that means.
+        done = self.mapweave("run", self.write("team.yaml", robots % ("sensor: laser", "sensor: rgbd")), "--out", "apart", code=support.APART)
+        self.assertRegex(done.stdout, "robot alpha maps with its laser, robot beta with cameras: .* stay apart; map all robots with the same")
 
     def test_text_that_is_no_yaml(self):
         self.refuse("robots: [{id: alpha, log: a.log\n", "team.yaml")

@@ -5,6 +5,7 @@ import subprocess
 import unittest
 
 import support
+from option_effect_inputs import WORLDS
 from support import APART, CANNOT_WRITE, DONE
 
 
@@ -53,10 +54,11 @@ exit $code
 
 
 class FullDisk(support.Scenario):
-    def on_a_small_disk(self, size, *arguments):
+    def on_a_small_disk(self, size, *arguments, temporary=None):
         unshare = ["unshare", "--mount"] if os.geteuid() == 0 else ["unshare", "--mount", "--user", "--map-root-user"]
         done = subprocess.run([*unshare, "sh", "-c", ON_A_SMALL_DISK, "sh", size, support.PROGRAM, *map(str, arguments)], cwd=self.folder,
-                              env=support.environment(), capture_output=True, text=True, timeout=120 * support.PATIENCE, check=False)
+                              env={**support.environment(), **({"TMPDIR": str(temporary)} if temporary else {})}, capture_output=True,
+                              text=True, timeout=120 * support.PATIENCE, check=False)
         left = pathlib.Path(self.folder / "left.txt")
         if not left.exists():   # the script never came to its end
             raise unittest.SkipTest("mounting a small tmpfs is not permitted here: " + done.stderr.strip())
@@ -80,6 +82,22 @@ class FullDisk(support.Scenario):
                     self.assertNotIn(".partial-", done.stderr)
                     self.assertRegex(done.stderr.lower(), "space|full")
                     self.assertEqual(left, [])
+
+    def test_a_map_server_s_disk_that_is_full_loses_no_keyframe_and_is_reported(self):
+        self.write("world.yaml", WORLDS["cameras"].replace("length_m: 6", "length_m: 8").replace("edges: 2", "edges: 1"))
+        self.mapweave("simulate", "world.yaml", "--out", "world")
+        options = ("sensor=rgbd", "server.share=view", "server.keyframes=20", "visual.memory.keyframes=20", "output.report=false")
+        run = ("run", "world/run.yaml", *(word for option in options for word in ("--set", option)))
+        self.assertNotIn("disk", self.mapweave(*run, "--out", "roomy").stdout)
+        done, _ = self.on_a_small_disk("4k", *run, "--out", "full", temporary=self.folder / "small")
+        self.assertEqual(done.returncode, DONE, done.stderr)
+        for text in (done.stdout, done.stderr):
+            self.assertRegex(text, r"map server of edge0: what its cameras forgot stays in memory, beyond server.keyframes=20: .*/small: .*"
+                                   r"No space left on device \(0 bytes free\); free some space, or name another folder in TMPDIR")
+        for out in ("roomy", "full"):
+            camera = self.read_json(f"{out}/summary.json")["robots"][0]["cameras"][0]
+            self.assertGreater(camera["forgotten_keyframes"], 10)
+            self.assertEqual(camera["kept_keyframes"], camera["forgotten_keyframes"])
 
 
 if __name__ == "__main__":

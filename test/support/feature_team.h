@@ -159,6 +159,7 @@ class FeatureTeam {
   std::function<void(const Robot&, const std::string&)> overheard = {};  // updates that came to be stored
   std::function<void(PlaceRequest&)> garbled = {};                       // on the way
   std::function<void(const Robot&, const Share&)> on_share = {};         // what it is about to receive
+  std::function<bool(const Share&)> is_lost = {};                        // on the way
 
  private:
   static constexpr double kRate_hz = 12.0;
@@ -197,7 +198,8 @@ class FeatureTeam {
     if (robot.cut_off || !robot.client->run(robot.place)) return;
     if (const auto view = robot.agent->view(*robot.client)) {
       greet(robot);
-      if (const auto share = server.share(*robot.client->run(robot.place), decode_client_view(*view, "test"))) {
+      const auto share = server.share(*robot.client->run(robot.place), decode_client_view(*view, "test"));
+      if (share && !(is_lost && is_lost(*share))) {
         robot.corrections += !share->corrected.empty();
         if (on_share) on_share(robot, *share);
         robot.agent->receive_share(*robot.client, encode(*share));

@@ -22,6 +22,18 @@ inline simulation::WorldOptions two_in_an_apartment() {
   return options;
 }
 
+// As if the same surfaces looked otherwise: by another light, or in another building, whose wallpapers are the same
+// ones in simulated worlds.
+inline std::function<FeatureTeam::Shot(std::size_t)> in_other_looks(std::function<FeatureTeam::Shot(std::size_t)> see) {
+  return [see = std::move(see)](std::size_t number) {
+    FeatureTeam::Shot shot = see(number);
+    for (auto& descriptor : shot.frame.features.descriptors)
+      for (std::size_t word = 0; word < descriptor.size(); ++word)
+        descriptor[word] ^= (word + 1) * 0x9e3779b97f4a7c15ULL;
+    return shot;
+  };
+}
+
 // Updates of the apartment, as they were stored.
 struct ReceivedUpdate {
   SessionId from;

@@ -5,6 +5,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/tiers/edge_server.h>
 #include <support/fake_mapper.h>
+#include <support/simulated_maps.h>
 
 namespace mapweave::tiers {
 namespace {
@@ -137,6 +138,62 @@ TEST_F(CloudTest, merges_what_an_edge_merged_and_takes_whole_maps_in_their_place
   for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05)})
     from_whole.receive(first_update(test::make_map(robot, 6, 100.0, first_range_m), TierId("north")), "test");
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(from_whole.seal(pool, *progress)));
+}
+
+// An edge merged two robots and thinned their maps; when the cloud takes them apart, the edge is gone.
+TEST_F(CloudTest, keeps_every_pose_where_the_edge_that_thinned_the_maps_is_gone) {
+  simulation::TeamOptions options;
+  options.robots = 2;
+  options.shared = 0.6;
+  const auto team = simulation::make_apartment({}, options);
+  const RobotId one = team.robots[0].id, other = team.robots[1].id;
+  EdgeServer edge(TierId("north"), {one, other}, {});
+  Table<MapId, Map> whole;
+  EdgeServer::Effects effects;
+  for (const auto& robot : team.robots) {
+    const Map map = test::mapped(robot, team.laser);
+    whole.set(map.id, map);
+    effects = edge.step({robot.id, map, std::nullopt}, pool, *progress);
+  }
+  ASSERT_EQ(effects.merged.size(), 1u);
+  for (const std::string& bytes : effects.for_cloud) cloud.receive(bytes, "test");
+  for (const std::string& bytes : effects.merged) cloud.receive_merged(bytes, "test");
+  const auto together = cloud.seal(pool, *progress);
+  EXPECT_EQ(together.components.size(), 1u);
+  EXPECT_TRUE(cloud.notes(together).empty());
+
+  const std::vector<MapId> members{whole.begin()->first, std::next(whole.begin())->first};
+  cloud.set_refused({{members[0], members[1]}});
+  const auto apart = cloud.seal(pool, *progress);
+  EXPECT_EQ(cloud.wanted_as_whole(apart).at(TierId("north")), members);
+  EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(apart)) << "nobody answers";
+  ASSERT_EQ(apart.components.size(), 2u);
+  for (const auto& component : apart.components) {
+    const Map& own = *whole.find(component.members.at(0));
+    ASSERT_EQ(component.map.nodes.size(), own.nodes.size());
+    double most_m = 0.0;
+    for (const auto& [id, node] : component.map.nodes)
+      most_m = std::max(most_m, (node.map_from_node.t - own.nodes.find(id)->map_from_node.t).norm());
+    EXPECT_LT(most_m, 0.1) << component.members[0].str();
+  }
+  const auto notes = cloud.notes(apart);
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_THAT(
+      notes[0],
+      testing::AllOf(testing::HasSubstr("edge north"), testing::HasSubstr("'" + members[0].str() + "'"),
+                     testing::HasSubstr("'" + members[1].str() + "'"), testing::HasSubstr("cloud.thin_maps=false")));
+
+  for (const std::string& bytes : edge.whole_maps(members).for_cloud) cloud.receive(bytes, "test");
+  const auto from_whole = cloud.seal(pool, *progress);
+  EXPECT_TRUE(cloud.notes(from_whole).empty()) << "it came back";
+  std::size_t scans = 0, thinned_scans = 0;
+  const auto has_scan = [](const auto& entry) { return entry.second.payload != nullptr; };
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto &all = from_whole.components[i].map.nodes, &few = apart.components[i].map.nodes;
+    scans += static_cast<std::size_t>(std::count_if(all.begin(), all.end(), has_scan));
+    thinned_scans += static_cast<std::size_t>(std::count_if(few.begin(), few.end(), has_scan));
+  }
+  EXPECT_LT(thinned_scans, scans / 2);
 }
 
 TEST_F(CloudTest, gives_edges_no_judging_task_that_they_cannot_do) {

@@ -78,13 +78,7 @@ FeatureTeam& back_to_back() {
 
 TEST(RigServer, merges_cameras_that_never_see_the_same_by_extrinsic_constraints_alone) {
   FeatureTeam team(two_cameras(180.0, 15.0), sharing(Sharing::none));
-  team.robots[1].shoot = [see = team.robots[1].shoot](std::size_t number) {  // by another light
-    FeatureTeam::Shot shot = see(number);
-    for (auto& descriptor : shot.frame.features.descriptors)
-      for (std::size_t word = 0; word < descriptor.size(); ++word)
-        descriptor[word] ^= (word + 1) * 0x9e3779b97f4a7c15ULL;
-    return shot;
-  };
+  team.robots[1].shoot = test::in_other_looks(team.robots[1].shoot);
   team.run();
   const fusion::FusionResult &joined = team.server.merged(), sealed = sealed_again(team.server, {});
   EXPECT_THAT(team.server.notes(), testing::IsEmpty());

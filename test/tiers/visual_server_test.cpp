@@ -68,6 +68,32 @@ TEST(VisualServer, begins_with_the_map_of_a_session_before) {
   }
 }
 
+TEST(VisualServer, takes_nothing_from_the_map_of_another_building) {
+  auto options = camera_world(PlanKind::apartment, 19, 1);
+  options.robots[0].id = "before";
+  options.robots[0].length_m = 10.0;
+  FeatureTeam elsewhere(options, sharing(Sharing::none));
+  elsewhere.robots[0].shoot = test::in_other_looks(elsewhere.robots[0].shoot);
+  elsewhere.run();
+  options = two_in_an_apartment();
+  options.robots.resize(1);
+  options.robots[0].length_m = 10.0;
+  std::map<bool, std::string> published;
+  for (const bool begins_with_map : {false, true}) {
+    FeatureTeam lone(options, sharing(Sharing::global));
+    if (begins_with_map) lone.server.begin_with(elsewhere.server.maps());
+    lone.run();
+    EXPECT_EQ(lone.robots[0].borrowed_seen, 0U);
+    EXPECT_TRUE(lone.robots[0].client->shared_keyframes().empty());
+    EXPECT_EQ(lone.server.merged().components.size(), begins_with_map ? 2U : 1U);
+    for (const Map& map : lone.robots[0].client->maps(lone.robots[0].place))
+      published[begins_with_map] += encode(difference(Map{}, map));
+    if (!begins_with_map) continue;
+    for (const Verdict& verdict : lone.server.merged().verdicts) EXPECT_NE(verdict.decision, Decision::accepted);
+  }
+  EXPECT_EQ(published[true], published[false]) << "the client's map is as without";
+}
+
 TEST(VisualServer, knows_a_picture_again_by_a_map_of_a_session_before) {
   Map before;
   for (Map& map : apartment().server.maps())

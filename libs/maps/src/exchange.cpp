@@ -216,6 +216,8 @@ std::string encode(const ClientView& view) {
   *content.mutable_map_from_robot() = form_of(view.map_from_robot);
   content.set_forgotten(view.forgotten);
   content.set_room(view.room);
+  content.set_missed(view.missed);
+  content.set_missed_after(view.missed_after);
   return written(form);
 }
 
@@ -258,6 +260,7 @@ std::string encode(const Share& share) {
   if (share.scale != 1.0) content.set_scale(share.scale);
   for (const SharedKeyframe& keyframe : share.keyframes) *content.add_keyframes() = form_of(keyframe, sessions);
   for (const NodeId& id : share.dropped) *content.add_dropped() = form_of(id, sessions);
+  content.set_number(share.number);
   return written(form, sessions);
 }
 
@@ -300,7 +303,9 @@ ClientView decode_client_view(std::string_view bytes, const std::string& where) 
           {form.view().stamp_ns()},
           reader.pose(form.view().map_from_robot()),
           form.view().forgotten(),
-          form.view().room()};
+          form.view().room(),
+          form.view().missed(),
+          form.view().missed_after()};
 }
 
 PlaceRequest decode_place_request(std::string_view bytes, const std::string& where) {
@@ -332,6 +337,7 @@ Share decode_share(std::string_view bytes, const std::string& where) {
   if (form.share().scale() != 0.0) share.scale = form.share().scale();
   if (!is_scale(share.scale)) reader.corrupt("a scale is not a positive number");
   take_keyframes(form.share(), reader, where, share);
+  share.number = form.share().number();
   return share;
 }
 

@@ -348,6 +348,7 @@ void TeamRun::merge_in_cloud() {
       send_to_cloud(edge.whole_maps(maps->second).for_cloud, "edge " + edge.id().str());
     }
   if (!wanted.empty()) team_ = cloud_.seal(pool_, progress_);
+  for (const std::string& note : cloud_.notes(team_)) report_.notes.push_back(note);
 }
 
 void TeamRun::finalize() {

@@ -63,6 +63,16 @@ void LiveCamera::refused(const std::string& why) {
   refusal_ = why;
 }
 
+void LiveCamera::note_lost(std::size_t forgotten) {
+  if (forgotten == 0) return;
+  log(LogLevel::warning,
+      "camera " + place_.client.robot.str() + "." + place_.client.sensor.str() +
+          ": the map server lacks what the one before had; the camera publishes its map again, but " +
+          std::to_string(forgotten) +
+          " keyframes that it had no room for (visual.memory.keyframes) were on that server alone; "
+          "begin the map server with that one's journal, or give the camera more room");
+}
+
 bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
   {
     const std::lock_guard lock(mutex_);
@@ -98,7 +108,7 @@ void LiveCamera::receive(visual::VisualClient& client, std::chrono::milliseconds
     const std::string &subject = delivery.envelope.subject, &bytes = delivery.envelope.bytes;
     try {
       if (subject == subject::kWelcome) {
-        agent_.reconnected(client, decode_receipts(bytes, kServer));
+        note_lost(agent_.reconnected(client, decode_receipts(bytes, kServer)));
         welcome_ = true;
       } else if (subject == subject::kReceipts) {
         for (const Receipt& receipt : decode_receipts(bytes, kServer)) agent_.stored(receipt);

@@ -4,6 +4,8 @@
 #include <mapweave/tiers/subjects.h>
 
 #include <algorithm>
+#include <set>
+#include <utility>
 
 namespace mapweave::tiers {
 namespace {
@@ -96,8 +98,9 @@ void CameraAgent::stored(const Receipt& receipt) {
   if (receipt.awaited > 0) outbox_->repeat(receipt.origin.map.str(), receipt.awaited);
 }
 
-void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts) {
+std::size_t CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts) {
   outbox_->repeat_all();
+  std::set<MapId> lacking;
   std::map<MapId, std::uint64_t> stored_of;
   for (const Receipt& receipt : receipts)
     if (visual::session_of(place_.client, receipt.origin.map)) stored_of[receipt.origin.map] = receipt.stored;
@@ -107,16 +110,31 @@ void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Re
     if (stored < numbers.confirmed || stored > numbers.published) {
       outbox_->forget(map.str(), numbers.published);
       client.publish_again(place_, map);
+      lacking.insert(map);
       numbers.published = std::max(numbers.published, stored);
     }
     numbers.confirmed = stored;
   }
   for (const Receipt& receipt : receipts) stored(receipt);
+  if (lacking.empty()) return 0;
+  const auto forgotten = client.forgotten_keyframes(place_);
+  return static_cast<std::size_t>(
+      std::count_if(forgotten.begin(), forgotten.end(), [&](const auto& one) { return lacking.count(one.map) != 0; }));
 }
 
 std::optional<std::string> CameraAgent::view(const visual::VisualClient& client) {
-  const auto here = client.view(place_);
-  return here ? std::optional(counted(encode(*here))) : std::nullopt;
+  auto here = client.view(place_);
+  if (!here) return std::nullopt;
+  if (const auto known = numbers_.find(here->map); known != numbers_.end()) {
+    Numbers& numbers = known->second;
+    if (std::exchange(numbers.missed_by_client, here->missed) != here->missed) {
+      ++numbers.missed;
+      numbers.missed_after = 0;  // of whatever share
+    }
+    here->missed = numbers.missed;
+    here->missed_after = numbers.missed_after;
+  }
+  return counted(encode(*here));
 }
 
 std::optional<std::string> CameraAgent::place_request(visual::VisualClient& client) {
@@ -125,11 +143,24 @@ std::optional<std::string> CameraAgent::place_request(visual::VisualClient& clie
   return request ? std::optional(counted(encode(*request))) : std::nullopt;
 }
 
+// Numbers that leave one out show that shares were lost; those of a server that knows nothing yet begin at 1 again.
+bool CameraAgent::is_repeated(const Share& share) {
+  const auto known = numbers_.find(share.map);
+  if (share.number == 0 || known == numbers_.end()) return false;
+  Numbers& numbers = known->second;
+  const std::uint32_t before = std::exchange(numbers.share, share.number);
+  if (share.number == 1 || share.number == before + 1) return false;
+  if (share.number == before) return true;
+  ++numbers.missed;
+  numbers.missed_after = share.number < before ? 0 : before;
+  return false;
+}
+
 void CameraAgent::receive_share(visual::VisualClient& client, std::string_view bytes) {
   received_bytes_ += bytes.size();
   const Share share = decode_share(bytes, "the map server");
   const auto session = visual::session_of(place_.client, share.map);
-  if (!session) return;
+  if (!session || is_repeated(share)) return;
   if (!share.corrected.empty()) client.correct(place_, *session, share.corrected, share.scale);
   client.borrow(place_, *session, share.landmarks);
   if (!share.keyframes.empty() || !share.dropped.empty())

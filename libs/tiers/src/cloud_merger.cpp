@@ -72,6 +72,19 @@ std::map<TierId, std::vector<MapId>> CloudMerger::wanted_as_whole(const fusion::
   return wanted;
 }
 
+std::vector<std::string> CloudMerger::notes(const fusion::FusionResult& result) const {
+  std::vector<std::string> notes;
+  for (const auto& [edge, maps] : wanted_as_whole(result)) {
+    std::string names;
+    for (const MapId& id : maps) names += (names.empty() ? "'" : ", '") + id.str() + "'";
+    notes.push_back("edge " + edge.str() + " merged the maps " + names +
+                    ", which the cloud took apart again, and did not send them as a whole: they stay as it thinned "
+                    "them, with all poses, but of a place that several of them show one alone has the scans; merge the "
+                    "robots' own maps instead, or let edges send whole maps (cloud.thin_maps=false)");
+  }
+  return notes;
+}
+
 std::vector<Receipt> CloudMerger::receipts() const {
   std::vector<Receipt> all;
   for (const auto& [id, inbox] : inboxes_) all.push_back(inbox.receipt());

@@ -102,9 +102,12 @@ void VisualServer::State::add_keyframes(Client::Part& part, const Receiver& to, 
     if (goes) share.dropped.push_back(held->first);
     held = goes ? part.keyframes.erase(held) : std::next(held);
   }
+  part.forget_lacking();
   const auto add = [&](const NodeId& id, SharedKeyframe shared, double bytes) {
     left -= bytes + kLandmarkBytes * static_cast<double>(shared.landmarks.size());
-    note_sent(part.keyframes[id], shared);
+    SentKeyframe& sent = part.keyframes[id];
+    note_sent(sent, shared);
+    sent.share = part.sent_shares + 1;
     share.keyframes.push_back(std::move(shared));
   };
   const bool looks_again = ++part.keyframe_shares % kLookAgain == 0;

@@ -222,10 +222,13 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
     part.shared.clear();
     part.forgotten = client_view.forgotten;
   }
+  part.note_missed(client_view);
   const TeamView::Member* member = state.view->member(part.name);
   if (member == nullptr) return std::nullopt;
   const bool is_alone = member->component->content().members.size() < 2;
-  if (is_alone && member->component->forgotten() == nullptr) return std::nullopt;
+  // A merge that was taken back: what the client was sent by it goes.
+  const bool has_others = !is_alone || !part.keyframes.empty();
+  if (!has_others && member->component->forgotten() == nullptr) return std::nullopt;
   const Node* near = State::nearest(part, *member, client_view.map_from_robot.t, State::Frame::map);
   if (near == nullptr) return std::nullopt;
   Share share;
@@ -241,10 +244,11 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
     share.landmarks =
         state.landmarks_for(part, to, client_view, *member, *near,
                             is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max());
-  if (is_global && !is_alone && share.corrected.empty())
+  if (is_global && has_others && share.corrected.empty())
     state.add_keyframes(part, state.receiver(to, client_view, *member, *near), state.budget(client, share), share);
   if (share.corrected.empty() && share.landmarks.empty() && share.keyframes.empty() && share.dropped.empty())
     return std::nullopt;
+  share.number = ++part.sent_shares;
   if (is_limited) client.downlink.spend(encode(share).size());
   return share;
 }

@@ -8,7 +8,9 @@
 #include <mapweave/tiers/byte_allowance.h>
 #include <mapweave/tiers/visual_server.h>
 
+#include <algorithm>
 #include <deque>
+#include <utility>
 
 namespace mapweave::tiers {
 
@@ -38,6 +40,7 @@ struct SentKeyframe {
   Pose3 map_from_camera;
   double scale = 1.0;
   std::uint64_t by = 0;                             // the view that it was looked up in last
+  std::uint32_t share = 0;                          // the number of the last one that spoke of it
   std::map<LandmarkId, Eigen::Vector3d> landmarks;  // in the camera's frame
 };
 
@@ -56,13 +59,31 @@ struct VisualServer::Client {
     std::uint64_t owners_by = 0;  // the view
     std::uint32_t forgotten = 0;
     std::uint32_t shares = 0;
+    std::uint32_t sent_shares = 0;                  // the number of the last one
+    std::uint32_t missed = 0;                       // how often the client has said that any were lost
     std::map<NodeId, SentKeyframe> keyframes = {};  // of others, that the client keeps
+    std::optional<std::uint32_t> lacks_after = {};  // of those, what shares of higher numbers spoke of
     std::uint32_t keyframe_shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
     std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
     std::vector<std::uint64_t> shelved = {};  // what was taken out of the map, by its numbers on the shelf
     std::size_t tried_with = 0;               // keyframes in memory, when the shelf took nothing more
 
+    // What the client says of shares that were lost.
+    void note_missed(const ClientView& view) {
+      const std::uint32_t before = std::exchange(missed, view.missed);
+      if (view.missed == before) return;
+      const std::uint32_t after = view.missed == before + 1 ? view.missed_after : 0;  // else it missed more than that
+      lacks_after = std::min(lacks_after.value_or(after), after);
+      shared.clear();
+      corrected_by = 0;
+    }
+    void forget_lacking() {
+      if (!lacks_after) return;
+      for (auto one = keyframes.begin(); one != keyframes.end();)
+        one = one->second.share > *lacks_after ? keyframes.erase(one) : std::next(one);
+      lacks_after.reset();
+    }
     void note(const MapUpdate& update) {
       if (update.base == 0) {
         borrowed.clear();

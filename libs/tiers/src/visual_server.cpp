@@ -278,6 +278,8 @@ void VisualServer::leave(const SessionId& session) {
     auto& [client_map, part] = *one;
     part.shared.clear();
     part.keyframes.clear();
+    part.sent_shares = 0;
+    part.lacks_after.reset();
     part.inbox.drop_waiting();
     if (part.inbox.receipt().stored > 0) {
       ++one;

@@ -393,8 +393,12 @@ std::optional<ClientView> VisualClient::view(const ClientPlace& place) const {
   if (!tracker.has_place()) return std::nullopt;
   const Pose3 map_from_robot =
       compose(compose(place.robot_from_camera, pose_of(tracker.place().view)), inverse(place.robot_from_camera));
-  return ClientView{map_of(place.client, tracker.place().session), tracker.last_stamp(), map_from_robot,
-                    state_->borrowed.times_forgotten(), state_->shared.has_received() ? state_->shared.room() : 0};
+  return ClientView{map_of(place.client, tracker.place().session),
+                    tracker.last_stamp(),
+                    map_from_robot,
+                    state_->borrowed.times_forgotten(),
+                    state_->shared.has_received() ? state_->shared.room() : 0,
+                    state_->shared.times_lost(tracker.place().session)};
 }
 int VisualClient::keep_shared(const ClientPlace& place, int session, const std::vector<SharedKeyframe>& keyframes,
                               const std::vector<NodeId>& dropped) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace mapweave::visual {
 namespace {
@@ -88,37 +89,45 @@ void SharedKeyframes::note(const NodeId& id, Known& known) {
 
 int SharedKeyframes::receive(const LandmarkMap& map, const Receiver& receiver,
                              const std::vector<SharedKeyframe>& keyframes) {
-  const auto& [session, own, centre] = receiver;
+  const int session = receiver.session;
   int taken = 0;
   for (const SharedKeyframe& shared : keyframes) {
     has_received_ = true;
     const auto before = known_.find(shared.id);
-    if (shared.id.session == own || !is_sound(shared) || (before == known_.end() && !shared.features)) continue;
+    if (shared.id.session == receiver.own || !is_sound(shared) || (before == known_.end() && !shared.features))
+      continue;
     Known whole;
     if (shared.features && !take_whole(shared, whole)) continue;
     const View view = view_of(shared.map_from_camera);
     const int anchor = nearest_to(map, session, view);
     if (anchor < 0) continue;
     Known& known = before == known_.end() ? known_[shared.id] : before->second;
+    const int session_before = known.session;
     if (shared.features) {
       known = std::move(whole);
       note(shared.id, known);
     } else {
       grow(known, shared.scale / known.scale);
     }
+    if (before != known_.end() && session_before != session) ++times_lost_[session_before];
     known.session = session;
     known.view = view;
     known.anchor = map.keyframe(anchor).serial;
     const Sim3 camera_from_map{inverse(shared.map_from_camera), 1.0};
     for (const DescribedLandmark& landmark : shared.landmarks) {
-      if (landmark.id.session == own || !matching::flaw(landmark).empty()) continue;
+      if (landmark.id.session == receiver.own || !matching::flaw(landmark).empty()) continue;
       if (known.landmarks.size() < kMostLandmarksOfKeyframe || known.landmarks.count(landmark.id) != 0)
         known.landmarks.insert_or_assign(landmark.id, matching::transformed(landmark, camera_from_map));
     }
     ++taken;
   }
-  limit(centre);
+  limit(receiver);
   return taken;
+}
+
+std::uint32_t SharedKeyframes::times_lost(int session) const {
+  const auto known = times_lost_.find(session);
+  return known == times_lost_.end() ? 0 : known->second;
 }
 
 SharedKeyframes::Entry SharedKeyframes::take_out(Entry entry) {
@@ -135,13 +144,18 @@ void SharedKeyframes::drop(const std::vector<NodeId>& ids) {
     }
 }
 
-void SharedKeyframes::limit(const Eigen::Vector3d& centre) {
+void SharedKeyframes::limit(const Receiver& receiver) {
   if (known_.size() <= room()) return;
-  std::vector<std::pair<double, NodeId>> order;  // the farthest first
-  for (const auto& [id, known] : known_) order.emplace_back(-(known.view.centre() - centre).squaredNorm(), id);
+  std::vector<std::tuple<bool, double, NodeId>> order;  // those of other sessions first, then the farthest
+  for (const auto& [id, known] : known_)
+    order.emplace_back(known.session == receiver.session, -(known.view.centre() - receiver.centre).squaredNorm(), id);
   std::sort(order.begin(), order.end());
   order.resize(known_.size() - room());
-  for (const auto& [apart, id] : order) take_out(known_.find(id));
+  for (const auto& [is_of_session, apart, id] : order) {
+    const auto entry = known_.find(id);
+    if (!is_of_session) ++times_lost_[entry->second.session];
+    take_out(entry);
+  }
   dropped_ += order.size();
 }
 

@@ -40,8 +40,8 @@ class SharedKeyframes {
     Eigen::Vector3d centre;  // of its camera
   };
   // For a session's map, in the frame of the map in memory: whole ones become known, light ones move. Where there are
-  // too many, those farthest from the camera go. What is not sound, or is its own, is left out; how many were not is
-  // answered.
+  // too many, those of other sessions go, then those farthest from the camera. What is not sound, or is its own, is
+  // left out; how many were not is answered.
   int receive(const LandmarkMap& map, const Receiver& receiver, const std::vector<SharedKeyframe>& keyframes);
   void drop(const std::vector<NodeId>& ids);
   void forget(int session);  // all of its
@@ -59,6 +59,8 @@ class SharedKeyframes {
   bool empty() const { return known_.empty(); }
   std::size_t size() const { return known_.size(); }
   std::size_t dropped() const { return dropped_; }  // for want of room, so far
+  // How often another session's map took keyframes of this one's, or their room: who shared them does not know.
+  std::uint32_t times_lost(int session) const;
   std::uint32_t room() const { return static_cast<std::uint32_t>(options_.memory.shared_keyframes); }
   bool has_received() const { return has_received_; }
 
@@ -77,7 +79,7 @@ class SharedKeyframes {
   bool take_whole(const SharedKeyframe& shared, Known& known) const;
   static void grow(Known& known, double factor);
   void note(const NodeId& id, Known& known);
-  void limit(const Eigen::Vector3d& centre);
+  void limit(const Receiver& receiver);
   Entry take_out(Entry entry);
 
   std::optional<matching::BinaryVocabulary> vocabulary_;
@@ -85,6 +87,7 @@ class SharedKeyframes {
   std::map<NodeId, Known> known_;
   std::optional<matching::PlaceIndex> index_;  // once there is anything
   std::size_t dropped_ = 0;
+  std::map<int, std::uint32_t> times_lost_;  // by session
   bool has_received_ = false;
 };
 

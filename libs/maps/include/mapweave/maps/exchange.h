@@ -39,8 +39,10 @@ struct ClientView {
   MapId map;  // of the session that it is in
   Stamp stamp;
   Pose3 map_from_robot;
-  std::uint32_t forgotten = 0;  // how often it forgot all shared landmarks
-  std::uint32_t room = 0;       // keyframes of others that it keeps at most; 0: it has none yet, and does not say
+  std::uint32_t forgotten = 0;     // how often it forgot all shared landmarks
+  std::uint32_t room = 0;          // keyframes of others that it keeps at most; 0: it has none yet, and does not say
+  std::uint32_t missed = 0;        // how often it found that it lacks what shares of this map brought, or should have
+  std::uint32_t missed_after = 0;  // the last time: shares of higher numbers than this
 };
 
 // Client -> server: where was this taken? Of a client that has no place.
@@ -75,6 +77,7 @@ struct Share {
   double scale = 1.0;                          // of `corrected`, in units of the client's map
   std::vector<SharedKeyframe> keyframes = {};  // of others, each once
   std::vector<NodeId> dropped = {};            // keyframes of others that it need not keep any longer
+  std::uint32_t number = 0;                    // of this map's shares, from 1: one left out was lost; 0: nobody counts
 };
 inline constexpr std::size_t kMostSharedKeyframes = 1000;      // of one share; as many are dropped
 inline constexpr std::size_t kMostLandmarksOfKeyframe = 1000;  // of one that is shared

@@ -46,6 +46,7 @@ class LiveCamera {
   void receive(visual::VisualClient& client, std::chrono::milliseconds patience);
   bool send(transport::Envelope message);
   void refused(const std::string& why);
+  void note_lost(std::size_t forgotten);  // keyframes, with the server before
 
   std::mutex mutex_;
   std::shared_ptr<transport::Channel> next_channel_;  // in place of the other

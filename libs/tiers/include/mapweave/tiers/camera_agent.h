@@ -48,9 +48,10 @@ class CameraAgent {
   void lift_limit() { options_.most_bytes_per_s = 0.0; }
   // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not
   // stored is sent again. A server that lacks what was confirmed before, or has what was never published, is another
-  // one: such a map is published to it from the beginning.
+  // one: such a map is published to it from the beginning. Answered: how many keyframes of such maps the client has
+  // forgotten, which none but the server before may have kept.
   void stored(const Receipt& receipt);
-  void reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts);
+  std::size_t reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts);
   // Where the client is; nullopt while it has no place.
   std::optional<std::string> view(const visual::VisualClient& client);
   // Where was this taken? Of a client that has no place.
@@ -66,7 +67,10 @@ class CameraAgent {
  private:
   struct Numbers {
     std::uint64_t published = 0, confirmed = 0;
+    std::uint32_t share = 0, missed = 0, missed_after = 0;  // the last one, and as in ClientView
+    std::uint32_t missed_by_client = 0;                     // of these, by what it says itself
   };
+  bool is_repeated(const Share& share);
   MapUpdate fitted(MapUpdate update, double room_bytes) const;
   void enqueue(MapUpdate update);
   std::string counted(std::string bytes);
@@ -76,7 +80,7 @@ class CameraAgent {
   UplinkOptions options_;
   std::optional<SessionId> session_;
   std::unique_ptr<transport::Outbox> outbox_;
-  std::map<MapId, Numbers> numbers_;  // of updates: theirs, not the client's, which knows nothing of parts
+  std::map<MapId, Numbers> numbers_;  // of updates (theirs, not the client's, which knows of no parts) and of shares
   ByteAllowance allowance_;
   std::uint64_t sent_bytes_ = 0, received_bytes_ = 0;
 };

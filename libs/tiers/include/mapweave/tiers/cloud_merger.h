@@ -43,6 +43,8 @@ class CloudMerger {
   // After seal(), by edge: maps that it merged and that the cloud merged anew; from what it has, unless they are sent
   // as a whole before it is asked again.
   std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult&) const;
+  // For people: which of these no edge sent, since it is gone, so that they stay thinned. After the last seal().
+  std::vector<std::string> notes(const fusion::FusionResult&) const;
 
  private:
   fusion::FusionInput input() const;
