@@ -160,7 +160,8 @@ MergedMaps decode_merged_maps(std::string_view bytes, const std::string& where) 
   MergedMaps merged;
   merged.members = names_in(content.members(), reader);
   for (const auto& line : content.merges())
-    merged.merges.push_back({names_in(line.one(), reader), names_in(line.other(), reader), line.probability(), line.proposer()});
+    merged.merges.push_back(
+        {names_in(line.one(), reader), names_in(line.other(), reader), line.probability(), line.proposer()});
   for (const auto& match : content.matches()) merged.matches.push_back(match_of(match, reader));
   for (const auto& judgement : content.judgements()) merged.judgements.push_back(reader.judgement(judgement));
   for (const auto& constraint : content.constraints()) merged.constraints.push_back(reader.constraint(constraint));

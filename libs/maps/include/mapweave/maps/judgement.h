@@ -121,7 +121,7 @@ struct Verdict {
   MapId a, b;  // a < b
   TierId by;
   std::string kind = "laser";  // laser, vision, laser and vision, grid
-  std::string proposer;        // what proposed the alignment: "ring keys", "whole maps", "corners", "prior", "words", ...
+  std::string proposer;  // what proposed the alignment: "ring keys", "whole maps", "corners", "prior", "words", ...
   Decision decision = Decision::deferred;
   Reason reason = Reason::none;
   std::optional<Alignment>
