@@ -19,20 +19,19 @@ OccupancyGrid grid_of(const std::vector<Floor>& floors, const Pose2& grid_from_f
   grid.columns = grid.rows = 800;
   grid.origin_x_m = grid.origin_y_m = -20.0;
   grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows),
-                    OccupancyGrid::kUnknown);
+                       OccupancyGrid::kUnknown);
   const Pose2 floor_from_grid = inverse(grid_from_floor);
   const auto is_floor = [&](double grid_x, double grid_y) {
     const Pose2 at = compose(floor_from_grid, Pose2(grid_x, grid_y, 0.0));
-    return std::any_of(floors.begin(), floors.end(), [&](const Floor& f) {
-      return at.x > f.x0 && at.x < f.x1 && at.y > f.y0 && at.y < f.y1;
-    });
+    return std::any_of(floors.begin(), floors.end(),
+                       [&](const Floor& f) { return at.x > f.x0 && at.x < f.x1 && at.y > f.y0 && at.y < f.y1; });
   };
   for (int row = 0; row < grid.rows; ++row)
     for (int column = 0; column < grid.columns; ++column) {
       const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m,
                    y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
       auto& cell = grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
-                              static_cast<std::size_t>(column)];
+                                 static_cast<std::size_t>(column)];
       if (is_floor(x, y)) {
         cell = -100;
         continue;
@@ -44,8 +43,8 @@ OccupancyGrid grid_of(const std::vector<Floor>& floors, const Pose2& grid_from_f
 }
 
 // Four rooms of different sizes along a corridor; no two alike.
-const std::vector<Floor> kFlat = {{0, 0, 12, 1.6},   {0.5, 1.8, 3.5, 5},    {4, 1.8, 8.2, 6.1},
-                                  {9, 1.8, 11.5, 4}, {2, -4.3, 6.4, -0.2},  {1, 1.5, 1.9, 1.9},
+const std::vector<Floor> kFlat = {{0, 0, 12, 1.6},    {0.5, 1.8, 3.5, 5},    {4, 1.8, 8.2, 6.1},
+                                  {9, 1.8, 11.5, 4},  {2, -4.3, 6.4, -0.2},  {1, 1.5, 1.9, 1.9},
                                   {5, 1.5, 5.9, 1.9}, {9.5, 1.5, 10.4, 1.9}, {3, -0.3, 3.9, 0.1}};
 
 std::vector<Floor> between_x(double x0, double x1) {

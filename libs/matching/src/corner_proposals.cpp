@@ -19,9 +19,9 @@ constexpr std::size_t kMostRefined = 10;  // of them by their walls
 // Corners that lie on each other.
 constexpr double kSameCorner_m = 0.8, kSameCorner_rad = 20.0 * M_PI / 180.0;
 constexpr std::size_t kFewestFaces = 10;
-constexpr std::size_t kSomeFaces = 400;   // that stand for all of a map: bounds time
-constexpr double kOnWall_m = 0.25;        // walls of two maps that bend
-constexpr double kDeep_m = 0.5;           // from here on free space contradicts a wall
+constexpr std::size_t kSomeFaces = 400;  // that stand for all of a map: bounds time
+constexpr double kOnWall_m = 0.25;       // walls of two maps that bend
+constexpr double kDeep_m = 0.5;          // from here on free space contradicts a wall
 constexpr double kApart_m = 2.5, kApart_rad = 8.0 * M_PI / 180.0;
 
 std::vector<WallPoint> some_of(const std::vector<WallPoint>& faces, std::size_t most) {
@@ -154,8 +154,8 @@ class CornerSearch {
   }
 
   double score_m(const Pose2& a_from_b) const {
-    return 0.5 * (one_way_m(faces_b_, b_, a_, walls_a_, a_from_b) +
-                  one_way_m(faces_a_, a_, b_, walls_b_, inverse(a_from_b)));
+    return 0.5 *
+           (one_way_m(faces_b_, b_, a_, walls_a_, a_from_b) + one_way_m(faces_a_, a_, b_, walls_b_, inverse(a_from_b)));
   }
 
   double one_way_m(const std::vector<WallPoint>& faces, const GridWalls& of, const GridWalls& in,

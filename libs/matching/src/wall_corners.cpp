@@ -10,13 +10,13 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr double kReach_m = 0.6;                 // of the walls that make a corner
-constexpr double kOneWall = 0.94;                // cosine of 20 degrees: normals of one wall
+constexpr double kReach_m = 0.6;   // of the walls that make a corner
+constexpr double kOneWall = 0.94;  // cosine of 20 degrees: normals of one wall
 constexpr double kLeastOpening_rad = M_PI / 3.0, kMostOpening_rad = 2.0 * M_PI / 3.0;
-constexpr std::size_t kFewestFaces = 4;          // of each wall
-constexpr double kNearFace_m = 0.35;             // a corner lies at the faces that tell of it
+constexpr std::size_t kFewestFaces = 4;  // of each wall
+constexpr double kNearFace_m = 0.35;     // a corner lies at the faces that tell of it
 constexpr double kOneCorner_m = 0.4;
-constexpr double kLeastBehind_m = 0.08;          // how far a wall's middle lies aside of the other wall
+constexpr double kLeastBehind_m = 0.08;  // how far a wall's middle lies aside of the other wall
 
 using Cell = std::pair<int, int>;
 using FaceCells = std::map<Cell, std::vector<std::size_t>>;

@@ -46,12 +46,12 @@ SubmapMatch turned(SubmapMatch match);
 
 // One way in which two groups of maps may lie to each other.
 struct MergeHypothesis {
-  std::vector<SubmapMatch> matches;  // between the groups, with those that the search found
-  SolvedSubmaps solved;              // both groups, with all their matches
-  WallAgreement walls;               // of the two groups
-  double log_odds = 0.0;             // that it is right, by itself
-  double prior_log_odds = 0.0;       // of these, what priors add
-  bool is_of_grids = false;          // two map_server grids, aligned as a whole
+  std::vector<SubmapMatch> matches;     // between the groups, with those that the search found
+  SolvedSubmaps solved;                 // both groups, with all their matches
+  WallAgreement walls;                  // of the two groups
+  double log_odds = 0.0;                // that it is right, by itself
+  double prior_log_odds = 0.0;          // of these, what priors add
+  bool is_of_grids = false;             // two map_server grids, aligned as a whole
   Proposer proposer = Proposer::prior;  // the last one whose matches it began with
 };
 
@@ -99,8 +99,8 @@ class LaserMerger {
  private:
   using MapPair = std::pair<std::size_t, std::size_t>;
   struct PairState {
-    std::vector<SubmapQuestion> open;  // those of a prior, then the most alike first
-    std::size_t of_prior = 0;          // how many are a prior's: they are asked beside the others
+    std::vector<SubmapQuestion> open;     // those of a prior, then the most alike first
+    std::size_t of_prior = 0;             // how many are a prior's: they are asked beside the others
     Proposer last = Proposer::ring_keys;  // whose questions they are
     double unlikeness = 0.0;  // of the places that the first questions are about; maps with a prior are asked first
     std::vector<SubmapAnswer> answers;

@@ -104,8 +104,7 @@ std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::siz
   const bool swapped = maps_[b].fingerprints < maps_[a].fingerprints;
   std::vector<SubmapQuestion> questions;
   for (const Pose2& pose : proposed(proposer, {a, b}, swapped ? in_b : in_a, swapped ? in_a : in_b)) {
-    auto some =
-        of_most_shared(submaps_a, submaps_b, swapped ? inverse(pose) : pose, kRadius_m, kYaw_rad, sight_of);
+    auto some = of_most_shared(submaps_a, submaps_b, swapped ? inverse(pose) : pose, kRadius_m, kYaw_rad, sight_of);
     for (SubmapQuestion& question : some) question.proposer = proposer;
     questions.insert(questions.end(), some.begin(), some.end());
   }
