@@ -17,6 +17,7 @@ find_package(Threads REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(IPOPT REQUIRED IMPORTED_TARGET ipopt)
+pkg_check_modules(NATS REQUIRED IMPORTED_TARGET libnats)
 find_package(octomap REQUIRED)
 find_path(MAPWEAVE_METIS_INCLUDE metis.h)   # not required: a method of `plan` to compare with
 find_package(GTest REQUIRED)

@@ -3,6 +3,8 @@
 #include <mapweave/core/error.h>
 #include <zstd.h>
 
+#include <algorithm>
+
 namespace mapweave::mapdb {
 namespace {
 
@@ -10,6 +12,17 @@ constexpr int kLevel = 6;
 constexpr std::int64_t kMostBytes = std::int64_t{1} << 30;  // as the byte form's
 
 }  // namespace
+
+std::string_view view_of(const Hash& hash) {
+  return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()};
+}
+
+std::optional<Hash> hash_from_column(std::string_view column) {
+  Hash hash;
+  if (column.size() != hash.bytes.size()) return std::nullopt;
+  std::copy(column.begin(), column.end(), hash.bytes.begin());
+  return hash;
+}
 
 PackedBlob pack(std::string_view plain) {
   PackedBlob blob;

@@ -4,6 +4,7 @@
 #include <mapweave/core/hash.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -14,6 +15,10 @@ struct PackedBlob {
   Hash sha256;             // of the plain bytes
   std::string zstd;
 };
+
+// A hash as it lies in a column.
+std::string_view view_of(const Hash& hash);                     // must outlive it
+std::optional<Hash> hash_from_column(std::string_view column);  // nullopt: it is of another length
 
 PackedBlob pack(std::string_view plain);
 // Throws Error(kCorrupt) for what does not give `bytes` bytes of that hash. Allocates no more than that, and at most 1

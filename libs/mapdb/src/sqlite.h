@@ -69,4 +69,24 @@ class Statement {
   int bound_ = 0;
 };
 
+// Undone unless it is committed.
+class Transaction {
+ public:
+  explicit Transaction(Database& database) : database_(database) { database_.run("BEGIN IMMEDIATE"); }
+  ~Transaction() {
+    if (open_) try {
+        database_.run("ROLLBACK");
+      } catch (const Error&) {  // SQLite has rolled back itself
+      }
+  }
+  void commit() {
+    database_.run("COMMIT");
+    open_ = false;
+  }
+
+ private:
+  Database& database_;
+  bool open_ = true;
+};
+
 }  // namespace mapweave::mapdb

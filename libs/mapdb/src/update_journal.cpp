@@ -6,7 +6,6 @@
 
 #include <stdlib.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <optional>
 #include <system_error>
@@ -24,37 +23,6 @@ constexpr const char* kTable =
 
 constexpr const char* kVetoTable =
     "CREATE TABLE vetoes (judgement BLOB PRIMARY KEY) STRICT, WITHOUT ROWID";  // from schema 2 on
-
-std::string_view view_of(const Hash& hash) {
-  return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()};
-}
-
-std::optional<Hash> hash_of(std::string_view bytes) {
-  Hash hash;
-  if (bytes.size() != hash.bytes.size()) return std::nullopt;
-  std::copy(bytes.begin(), bytes.end(), hash.bytes.begin());
-  return hash;
-}
-
-// Undone unless it is committed.
-class Transaction {
- public:
-  explicit Transaction(Database& database) : database_(database) { database_.run("BEGIN IMMEDIATE"); }
-  ~Transaction() {
-    if (open_) try {
-        database_.run("ROLLBACK");
-      } catch (const Error&) {  // SQLite has rolled back itself
-      }
-  }
-  void commit() {
-    database_.run("COMMIT");
-    open_ = false;
-  }
-
- private:
-  Database& database_;
-  bool open_ = true;
-};
 
 // A journal and its write-ahead log in a folder of their own, until the end.
 class Copy {
@@ -189,7 +157,7 @@ void UpdateJournal::append(const std::vector<JournalEntry>& entries) {
 void UpdateJournal::replay(const std::function<void(const JournalEntry&)>& visit) {
   if (state_->has_vetoes())
     for (Statement vetoes(state_->database, "SELECT judgement FROM vetoes ORDER BY judgement"); vetoes.step();) {
-      const std::optional<Hash> judgement = hash_of(vetoes.bytes(0));
+      const std::optional<Hash> judgement = hash_from_column(vetoes.bytes(0));
       if (!judgement) state_->database.corrupt("a veto of it names no judgement");
       visit({{}, {}, judgement});
     }
@@ -198,7 +166,7 @@ void UpdateJournal::replay(const std::function<void(const JournalEntry&)>& visit
   while (rows.step()) {
     const std::string where = state_->path.string() + ", update " + std::to_string(rows.integer(0));
     const std::string robot = rows.text(1), sensor = rows.text(2);
-    const std::optional<Hash> hash = hash_of(rows.bytes(5));
+    const std::optional<Hash> hash = hash_from_column(rows.bytes(5));
     if (!is_valid_name(robot) || !is_valid_name(sensor) || !hash)
       state_->database.corrupt("update " + std::to_string(rows.integer(0)) + " has no valid name or hash");
     visit(

@@ -1,0 +1,96 @@
+#pragma once
+// What the thread of a channel's end does: parts to the broker, parts from it, and what both say of each other.
+
+#include <mapweave/transport/nats_channel.h>
+#include <mapweave/transport/nats_stream.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+namespace mapweave::transport {
+
+struct NatsChannel::State : std::enable_shared_from_this<State> {
+  State(std::shared_ptr<NatsConnection> made, NatsChannelOptions given, std::uint64_t number);
+  // Inboxes; before the thread begins.
+  void open();
+  void run();
+
+  double now_s() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count(); }
+  std::size_t priority_of(const std::string& subject) const;
+  bool is_closed() const { return closes || receiver.is_closed(); }
+  // Under the lock: there is work for the thread.
+  void stir() {
+    is_stirred = true;
+    changed.notify_all();
+  }
+
+  // One direction of one class.
+  struct Outgoing {
+    NatsStream stream;
+    NatsConsumer readers;  // the other end's, only to ask of
+    bool is_sure = false;  // the stream is there
+    double asked_s = -1e9, ask_every_s = 0.0;
+    std::uint64_t acknowledged = 0;
+  };
+  struct Incoming {
+    NatsConsumer consumer;
+    NatsStream stream;  // only to take away what was acknowledged
+    std::unique_ptr<NatsInbox> inbox;
+    bool is_sure = false, is_to_restart = true;
+    int asked_for = 0;  // messages that the broker may still deliver
+    double asked_until_s = 0.0, purged_s = 0.0;
+    bool has_new_acknowledged = false;
+    std::uint64_t purged = 0;             // up to there
+    std::uint64_t bytes_since_purge = 0;  // delivered
+  };
+
+  const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  const std::shared_ptr<NatsConnection> connection;
+  const NatsChannelOptions options;
+  const std::uint64_t incarnation;  // a random number: of its session, or of who accepts
+  std::unique_ptr<NatsInbox> answers;
+  std::vector<Outgoing> out;
+  std::vector<Incoming> in;
+  std::thread thread;
+
+  std::mutex mutex;
+  std::condition_variable changed, came;  // for the thread; for who receives
+  ChannelSender sender;
+  ChannelReceiver receiver;
+  std::function<void()> listener;
+  NatsChannelState shown;
+  std::optional<double> received_at_s;
+  bool closes = false, ends = false, is_stirred = false;
+  double linger_until_s = 0.0;
+
+ private:
+  // On the connection's thread.
+  void on_answer(const NatsMessage& message);
+  void on_delivery(std::size_t priority, const NatsMessage& message);
+  void on_state_out(std::size_t priority, const std::optional<ConsumerState>& state);
+  void on_state_in(std::size_t priority, const std::optional<ConsumerState>& state);
+  void call_listener();
+
+  // On its own thread.
+  void ensure();
+  bool try_to(const std::function<void()>& work);
+  void ensure_streams(const std::vector<std::size_t>& priorities);
+  void ensure_consumers(const std::vector<std::size_t>& priorities);
+  double wait_s() const;
+  void publish();
+  void answer_broker();
+  void pull();
+  void ask_states();
+  void keep_held();
+  void tick_receiver();
+  void end_unknown_sessions(const std::vector<std::uint64_t>& sessions);
+  bool is_done();
+
+  std::uint64_t generation = 0;
+  std::string last_trouble;
+  int times_troubled = 0;
+  double ensured_s = -1e9, ensure_every_s = 0.0, kept_s = 0.0, ticked_s = 0.0;
+};
+
+}  // namespace mapweave::transport

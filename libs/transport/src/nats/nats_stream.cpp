@@ -1,0 +1,250 @@
+#include <mapweave/core/error.h>
+#include <mapweave/transport/nats_stream.h>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+
+namespace mapweave::transport {
+namespace {
+
+using Json = nlohmann::json;
+using std::chrono::milliseconds;
+
+// Of the server's error codes (errors.json of nats-server).
+constexpr int kStreamMissing = 10059, kConsumerMissing = 10014, kNameInUse = 10058, kConsumerInUse = 10013,
+              kConsumerExists = 10105, kDurableDiffers = 10106;
+constexpr int kFull[] = {10077, 10047, 10023, 10028, 10002};  // no room: of the stream, the disk, the account
+
+std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(seconds * 1e9); }
+
+std::string api_of(const std::string& domain, const std::string& what) {
+  return (domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") + what;
+}
+
+int code_of(const Json& answer) {
+  if (!answer.is_object() || !answer.contains("error") || !answer["error"].is_object()) return 0;
+  return answer["error"].value("err_code", answer["error"].value("code", 1));
+}
+
+std::string words_of(const Json& answer) {
+  return answer["error"].value("description", "error " + std::to_string(code_of(answer)));
+}
+
+// What a broker's answer says; hostile as all that comes.
+template <class Use>
+auto read(const Json& answer, const Use& use) -> std::optional<decltype(use(answer))> {
+  try {
+    return use(answer);
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+Json asked(NatsConnection& connection, const std::string& subject, const Json& request, milliseconds patience) {
+  const auto answer = connection.request(subject, request.is_null() ? "" : request.dump(), patience);
+  const std::string server = connection.state().server;
+  if (!answer)
+    throw Error(ErrorCode::kMissing, "the broker does not answer '" + subject + "'", server,
+                "see whether the broker runs, and what this user may publish and receive");
+  if (answer->status == 503)
+    throw Error(ErrorCode::kUnsupported,
+                "the broker has no JetStream, or none is connected that answers '" + subject + "'", server,
+                "start nats-server with -js, or with 'jetstream' in its configuration");
+  Json json = Json::parse(answer->bytes, nullptr, false);
+  if (!json.is_object())
+    throw Error(ErrorCode::kCorrupt, "the broker's answer to '" + subject + "' is not JSON", server,
+                "use nats-server 2.9 or newer");
+  return json;
+}
+
+[[noreturn]] void refused(NatsConnection& connection, const std::string& what, const Json& answer) {
+  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + words_of(answer), connection.state().server,
+              "see the broker's configuration and what else uses these names");
+}
+
+std::optional<ConsumerState> consumer_state(const Json& answer) {
+  if (code_of(answer) != 0) return std::nullopt;
+  return read(answer, [](const Json& json) {
+    // Of a consumer that was made again the server says 0 until something is acknowledged.
+    const std::uint64_t from = json.at("config").value("opt_start_seq", std::uint64_t{1});
+    const std::uint64_t acknowledged = json.at("ack_floor").at("stream_seq");
+    return ConsumerState{std::max(acknowledged, from - std::min<std::uint64_t>(from, 1)),
+                         json.at("delivered").at("stream_seq"), json.at("num_pending"),
+                         json.value("num_waiting", std::uint64_t{0})};
+  });
+}
+
+}  // namespace
+
+Publication publication_of(const NatsMessage& answer) {
+  using Outcome = Publication::Outcome;
+  if (answer.status == 503) return {Outcome::no_stream, 0, false, "no stream keeps this subject"};
+  const Json json = Json::parse(answer.bytes, nullptr, false);
+  if (const int code = code_of(json); code != 0) {
+    for (const int full : kFull)
+      if (code == full) return {Outcome::full, 0, false, words_of(json)};
+    return {code == kStreamMissing ? Outcome::no_stream : Outcome::refused, 0, false, words_of(json)};
+  }
+  const auto stored = read(json, [](const Json& one) {
+    return Publication{Outcome::stored, one.at("seq"), one.value("duplicate", false), {}};
+  });
+  return stored ? *stored : Publication{Outcome::refused, 0, false, "an answer that is none"};
+}
+
+std::optional<ConsumerState> consumer_state_of(const NatsMessage& answer) {
+  return consumer_state(Json::parse(answer.bytes, nullptr, false));
+}
+
+NatsStream::NatsStream(std::shared_ptr<NatsConnection> connection, StreamOptions options)
+    : connection_(std::move(connection)), options_(std::move(options)) {}
+
+bool NatsStream::ensure(milliseconds patience) {
+  const Json wanted = {{"name", options_.name},
+                       {"subjects", options_.subjects},
+                       {"retention", "limits"},
+                       {"discard", "new"},
+                       {"storage", "file"},
+                       {"num_replicas", 1},
+                       {"max_consumers", -1},
+                       {"max_msgs", -1},
+                       {"max_msg_size", -1},
+                       {"max_age", 0},
+                       {"max_bytes", options_.most_bytes},
+                       {"duplicate_window", nanoseconds(options_.repetitions_s)}};
+  const auto ask = [&](const std::string& what, const Json& request) {
+    return asked(*connection_, api_of(options_.domain, "STREAM." + what + "." + options_.name), request, patience);
+  };
+  const Json known = ask("INFO", {});
+  if (code_of(known) == 0) {
+    const bool is_as_wanted =
+        read(known, [&](const Json& json) {
+          const Json& config = json.at("config");
+          for (const char* key : {"subjects", "retention", "discard", "max_bytes", "duplicate_window"})
+            if (config.at(key) != wanted.at(key)) return false;
+          return true;
+        }).value_or(false);
+    if (is_as_wanted) return false;
+    const Json updated = ask("UPDATE", wanted);
+    if (code_of(updated) != 0) refused(*connection_, "to change stream '" + options_.name + "'", updated);
+    return false;
+  }
+  if (code_of(known) != kStreamMissing) refused(*connection_, "stream '" + options_.name + "'", known);
+  const Json made = ask("CREATE", wanted);
+  if (code_of(made) == kNameInUse) return ensure(patience);  // another made it meanwhile
+  if (code_of(made) != 0) refused(*connection_, "to make stream '" + options_.name + "'", made);
+  return true;
+}
+
+std::optional<StreamState> NatsStream::state(milliseconds patience) const {
+  const Json answer = asked(*connection_, api_of(options_.domain, "STREAM.INFO." + options_.name), {}, patience);
+  if (code_of(answer) == kStreamMissing) return std::nullopt;
+  if (code_of(answer) != 0) refused(*connection_, "stream '" + options_.name + "'", answer);
+  return read(answer, [](const Json& json) {
+    const Json& state = json.at("state");
+    return StreamState{state.at("messages"), state.at("bytes"), state.at("first_seq"), state.at("last_seq")};
+  });
+}
+
+void NatsStream::purge(const std::string& subject, std::uint64_t before) const {
+  const Json request = {{"filter", subject}, {"seq", before}};
+  connection_->publish(api_of(options_.domain, "STREAM.PURGE." + options_.name), request.dump());
+}
+
+Publication NatsStream::publish(const std::string& subject, std::string_view bytes, const std::string& message_id,
+                                milliseconds patience) const {
+  const auto answer = connection_->request(subject, bytes, patience, message_id);
+  if (!answer)
+    throw Error(ErrorCode::kMissing, "no stream confirms a message to '" + subject + "'", connection_->state().server,
+                "see whether the broker runs; publish it again under the same id");
+  return publication_of(*answer);
+}
+
+NatsConsumer::NatsConsumer(std::shared_ptr<NatsConnection> connection, ConsumerOptions options)
+    : connection_(std::move(connection)), options_(std::move(options)) {}
+
+std::string NatsConsumer::api(const std::string& what) const {
+  return api_of(options_.domain, what + "." + options_.stream + "." + options_.name);
+}
+
+namespace {
+
+Json consumer_request(const ConsumerOptions& options, std::uint64_t from) {
+  Json config = {{"durable_name", options.name},
+                 {"deliver_policy", from == 0 ? "all" : "by_start_sequence"},
+                 {"ack_policy", "explicit"},
+                 {"ack_wait", nanoseconds(options.repeat_s)},
+                 {"max_deliver", -1},
+                 {"filter_subject", options.subject},
+                 {"replay_policy", "instant"},
+                 {"max_ack_pending", options.most_unacknowledged},
+                 {"max_waiting", 16}};
+  if (from > 0) config["opt_start_seq"] = from;
+  return {{"stream_name", options.stream}, {"config", std::move(config)}};
+}
+
+}  // namespace
+
+bool NatsConsumer::ensure(milliseconds patience) {
+  const Json known = asked(*connection_, api("CONSUMER.INFO"), {}, patience);
+  if (code_of(known) == 0) {
+    const bool is_as_wanted = read(known, [&](const Json& json) {
+                                const Json& config = json.at("config");
+                                return config.at("filter_subject") == options_.subject &&
+                                       config.at("ack_wait") == nanoseconds(options_.repeat_s) &&
+                                       config.at("max_ack_pending") == options_.most_unacknowledged;
+                              }).value_or(false);
+    if (!is_as_wanted) remake(consumer_state(known), patience);
+    return false;
+  }
+  if (code_of(known) == kStreamMissing)
+    throw Error(ErrorCode::kMissing, "there is no stream '" + options_.stream + "'", connection_->state().server,
+                "its sender makes it; see whether that runs");
+  if (code_of(known) != kConsumerMissing) refused(*connection_, "consumer '" + options_.name + "'", known);
+  const Json made = asked(*connection_, api("CONSUMER.DURABLE.CREATE"), consumer_request(options_, 0), patience);
+  const int code = code_of(made);
+  if (code == kConsumerInUse || code == kConsumerExists || code == kDurableDiffers) return false;
+  if (code != 0) refused(*connection_, "to make consumer '" + options_.name + "'", made);
+  return true;
+}
+
+void NatsConsumer::restart(milliseconds patience) {
+  if (!ensure(patience)) remake(state(patience), patience);
+}
+
+void NatsConsumer::remake(const std::optional<ConsumerState>& before, milliseconds patience) {
+  if (before) asked(*connection_, api("CONSUMER.DELETE"), {}, patience);
+  const Json made = asked(*connection_, api("CONSUMER.DURABLE.CREATE"),
+                          consumer_request(options_, before ? before->acknowledged + 1 : 0), patience);
+  if (code_of(made) != 0) refused(*connection_, "to make consumer '" + options_.name + "' again", made);
+}
+
+std::optional<ConsumerState> NatsConsumer::state(milliseconds patience) const {
+  return consumer_state(asked(*connection_, api("CONSUMER.INFO"), {}, patience));
+}
+
+bool NatsConsumer::pull(const std::string& inbox, int messages, double within_s) const {
+  const Json request = {{"batch", messages}, {"expires", nanoseconds(within_s)}};
+  return connection_->publish(api("CONSUMER.MSG.NEXT"), request.dump(), inbox);
+}
+
+bool NatsConsumer::ask_state(const std::string& inbox) const {
+  return connection_->publish(api("CONSUMER.INFO"), "", inbox);
+}
+
+std::string nats_token(std::string_view name) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string token;
+  for (const char letter : name) {
+    const auto byte = static_cast<unsigned char>(letter);
+    const bool is_plain = (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+                          (letter >= '0' && letter <= '9') || letter == '_' || letter == '-';
+    if (is_plain)
+      token += letter;
+    else
+      token += {'=', kDigits[byte >> 4], kDigits[byte & 15]};
+  }
+  return token.empty() ? "=" : token;
+}
+
+}  // namespace mapweave::transport

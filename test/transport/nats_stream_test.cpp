@@ -1,0 +1,198 @@
+#include "broker_fixture.h"
+
+#include <mapweave/transport/nats_stream.h>
+
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+
+namespace mapweave::transport {
+namespace {
+
+using Outcome = Publication::Outcome;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+StreamOptions stream_named(const std::string& name) { return {name, {"mw." + name + ".>"}, {}, 1 << 20, 120.0}; }
+
+// Reads what a consumer delivers, one message after the other.
+class Reader {
+ public:
+  Reader(const std::shared_ptr<NatsConnection>& connection, const ConsumerOptions& options)
+      : consumer(connection, options),
+        inbox_(connection->open_inbox(
+            [this](const NatsMessage& message) {
+              const std::lock_guard lock(mutex_);
+              if (message.subject.empty()) return;  // another connection
+              came_.push_back(message);
+              changed_.notify_all();
+            },
+            InboxKind::deliveries)) {}
+
+  // The next message, which may be a status; without one in time an empty one.
+  NatsMessage next(std::chrono::milliseconds patience = 10s) {
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait_for(lock, patience, [&] { return !came_.empty(); })) return {};
+    NatsMessage message = came_.front();
+    came_.pop_front();
+    return message;
+  }
+  std::vector<std::string> take(int count, bool acknowledge = true) {
+    EXPECT_TRUE(consumer.pull(inbox_->subject(), count, 10.0));
+    std::vector<std::string> bytes;
+    for (int i = 0; i < count; ++i) {
+      const NatsMessage message = next();
+      bytes.push_back(message.status == 0 ? message.bytes : std::to_string(message.status));
+      if (acknowledge) consumer.acknowledge(message.reply);
+    }
+    return bytes;
+  }
+  const std::string& inbox() const { return inbox_->subject(); }
+
+  NatsConsumer consumer;
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<NatsMessage> came_;
+  std::unique_ptr<NatsInbox> inbox_;
+};
+
+class NatsStreamTest : public WithBroker {};
+
+TEST_F(NatsStreamTest, keeps_messages_and_what_was_acknowledged_over_a_kill) {
+  Broker broker(options());
+  const auto connection = connect(broker);
+  NatsStream stream(connection, stream_named("north"));
+  EXPECT_TRUE(stream.ensure(10s));
+  EXPECT_FALSE(stream.ensure(10s)) << "it is there";
+  for (const char* bytes : {"one", "two", "three"}) {
+    EXPECT_EQ(stream.publish("mw.north.alpha", bytes, bytes, 10s).outcome, Outcome::stored);
+    EXPECT_TRUE(stream.publish("mw.north.alpha", bytes, bytes, 10s).is_repetition) << "by its id";
+  }
+  Reader reader(connection, {"north", {}, "cloud", "mw.north.alpha"});
+  EXPECT_TRUE(reader.consumer.ensure(10s));
+  EXPECT_FALSE(reader.consumer.ensure(10s));
+  EXPECT_THAT(reader.take(1), ElementsAre("one"));
+  ASSERT_TRUE(soon([&] { return reader.consumer.state(10s)->acknowledged == 1; }));
+  std::this_thread::sleep_for(300ms);  // what a server of 2.9 takes to write down what was acknowledged
+  broker.kill();
+  ASSERT_TRUE(soon([&] { return !connection->state().is_connected; }));
+  broker.start();
+  connection->wait_until_connected(20s);
+  EXPECT_EQ(stream.state(10s)->messages, 3U);
+  EXPECT_THAT(reader.take(2, false), ElementsAre("two", "three"));
+  EXPECT_EQ(reader.consumer.state(10s)->acknowledged, 1U);
+  reader.consumer.restart(10s);
+  EXPECT_EQ(reader.consumer.state(10s)->acknowledged, 1U) << "still";
+  EXPECT_THAT(reader.take(2), ElementsAre("two", "three")) << "at once, as nobody has acknowledged them";
+}
+
+TEST_F(NatsStreamTest, refuses_what_has_no_room_until_there_is_some) {
+  Broker broker(options());
+  const auto connection = connect(broker);
+  NatsStream stream(connection, stream_named("north"));
+  stream.ensure(10s);
+  std::uint64_t count = 0;
+  Publication last;
+  while ((last = stream.publish("mw.north.alpha", std::string(100'000, 'x'), {}, 10s)).outcome == Outcome::stored)
+    ++count;
+  EXPECT_EQ(last.outcome, Outcome::full) << last.reason;
+  EXPECT_EQ(count, 10U);
+  EXPECT_EQ(stream.state(10s)->messages, count) << "nothing was forgotten";
+  stream.purge("mw.north.alpha", 3);
+  EXPECT_TRUE(soon([&] { return stream.state(10s)->first == 3; }));
+  EXPECT_EQ(stream.publish("mw.north.alpha", "short", {}, 10s).outcome, Outcome::stored);
+}
+
+TEST_F(NatsStreamTest, delivers_no_more_than_may_be_unacknowledged) {
+  Broker broker(options());
+  const auto connection = connect(broker);
+  NatsStream stream(connection, stream_named("north"));
+  stream.ensure(10s);
+  for (int i = 0; i < 5; ++i) stream.publish("mw.north.alpha", std::to_string(i), {}, 10s);
+  Reader reader(connection, {"north", {}, "slow", "mw.north.alpha", 30.0, 2});
+  reader.consumer.ensure(10s);
+  reader.consumer.pull(reader.inbox(), 5, 10.0);
+  const NatsMessage first = reader.next();
+  EXPECT_EQ(first.bytes, "0");
+  EXPECT_EQ(reader.next().bytes, "1");
+  EXPECT_TRUE(reader.next(200ms).subject.empty()) << "two are unacknowledged";
+  reader.consumer.acknowledge(first.reply);
+  EXPECT_EQ(reader.next().bytes, "2");
+}
+
+TEST_F(NatsStreamTest, makes_deleted_streams_and_consumers_anew) {
+  Broker broker(options());
+  const auto connection = connect(broker);
+  NatsStream stream(connection, stream_named("north"));
+  Reader reader(connection, {"north", {}, "cloud", "mw.north.alpha"});
+  EXPECT_EQ(error_of([&] { reader.consumer.ensure(10s); }).code(), ErrorCode::kMissing) << "no stream yet";
+  EXPECT_FALSE(stream.state(10s));
+  EXPECT_EQ(stream.publish("mw.north.alpha", "lost", {}, 10s).outcome, Outcome::no_stream);
+  stream.ensure(10s);
+  reader.consumer.ensure(10s);
+  EXPECT_TRUE(connection->request("$JS.API.CONSUMER.DELETE.north.cloud", "", 10s));
+  EXPECT_FALSE(reader.consumer.state(10s));
+  reader.consumer.ask_state(reader.inbox());
+  EXPECT_FALSE(consumer_state_of(reader.next()));
+  EXPECT_TRUE(reader.consumer.ensure(10s));
+  stream.publish("mw.north.alpha", "here", {}, 10s);
+  EXPECT_THAT(reader.take(1), ElementsAre("here"));
+  EXPECT_TRUE(connection->request("$JS.API.STREAM.DELETE.north", "", 10s));
+  EXPECT_FALSE(stream.state(10s));
+  EXPECT_TRUE(stream.ensure(10s));
+}
+
+TEST_F(NatsStreamTest, says_what_the_broker_refuses) {
+  Broker broker(options());
+  const auto connection = connect(broker);
+  NatsStream(connection, stream_named("north")).ensure(10s);
+  StreamOptions overlapping = stream_named("south");
+  overlapping.subjects = {"mw.north.alpha"};
+  const Error error = error_of([&] { NatsStream(connection, overlapping).ensure(10s); });
+  EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+  EXPECT_THAT(error.what(), HasSubstr("subjects overlap"));
+  StreamOptions large = stream_named("north");
+  large.most_bytes = 2 << 20;
+  EXPECT_FALSE(NatsStream(connection, large).ensure(10s)) << "its limit is raised";
+  broker.stop();
+  EXPECT_EQ(error_of([&] { NatsStream(connection, large).ensure(1s); }).code(), ErrorCode::kMissing);
+}
+
+TEST_F(NatsStreamTest, of_an_edge_is_read_by_the_hubs_program_also_after_an_outage) {
+  auto hub_options = options("hub"), edge_options = options("edge");
+  hub_options.domain = "hub";
+  hub_options.leaf_port = 0;
+  hub_options.leaf_user = BrokerUser{"edge", "secret", {}, {}};
+  Broker hub(hub_options);
+  edge_options.domain = "north";
+  edge_options.hubs = {hub.leaf_url()};
+  Broker edge(edge_options);
+  const auto at_edge = connect(edge), at_hub = connect(hub);
+  NatsStream stream(at_edge, stream_named("north"));
+  stream.ensure(10s);
+  EXPECT_EQ(stream.publish("mw.north.alpha", "one", "1", 10s).outcome, Outcome::stored);
+  ASSERT_TRUE(soon([&] {
+    const auto answer = at_hub->request("$JS.north.API.INFO", "", 1s);
+    return answer && answer->status == 0;
+  }));
+  at_hub->expect_jet_stream(10s, "north");
+  EXPECT_THAT(error_of([&] { at_hub->expect_jet_stream(10s, "south"); }).what(), HasSubstr("domain 'south'"));
+  Reader reader(at_hub, {"north", "north", "cloud", "mw.north.>"});
+  EXPECT_TRUE(reader.consumer.ensure(10s));
+  EXPECT_THAT(reader.take(1), ElementsAre("one"));
+  hub.kill();
+  EXPECT_EQ(stream.publish("mw.north.alpha", "two", "2", 10s).outcome, Outcome::stored) << "the edge works on";
+  hub.start();
+  at_hub->wait_until_connected(20s);
+  ASSERT_TRUE(soon([&] {
+    const auto answer = at_hub->request("$JS.north.API.INFO", "", 1s);
+    return answer && answer->status == 0;
+  }));
+  EXPECT_THAT(reader.take(1), ElementsAre("two"));
+  EXPECT_EQ(stream.state(10s)->messages, 2U) << "stored once";
+}
+
+}  // namespace
+}  // namespace mapweave::transport
