@@ -77,21 +77,27 @@ TEST_F(BrokerTest, ends_with_its_parent) {
 TEST_F(NatsConnectionTest, carries_messages_to_inboxes) {
   Broker broker(options());
   const auto one = connect(broker), two = connect(broker);
-  std::mutex mutex;
-  std::vector<std::string> came;
+  struct Came {
+    std::mutex mutex;
+    std::vector<std::string> all;
+  };
+  const auto came = std::make_shared<Came>();  // a call that has begun may outlive the inbox
   const auto inbox = one->open_inbox(
-      [&](const NatsMessage& message) {
-        const std::lock_guard lock(mutex);
+      [came](const NatsMessage& message) {
+        const std::lock_guard lock(came->mutex);
         if (!message.subject.empty())
-          came.push_back(message.subject.substr(message.subject.rfind('.') + 1) + message.bytes);
+          came->all.push_back(message.subject.substr(message.subject.rfind('.') + 1) + message.bytes);
       },
       InboxKind::answers);
-  EXPECT_TRUE(soon([&] {  // the other server thread may not know of the inbox yet
+  EXPECT_TRUE(soon([&] {  // the broker may not know of the inbox yet
     two->publish(inbox->subject() + ".x", "first");
-    const std::lock_guard lock(mutex);
-    return !came.empty();
+    const std::lock_guard lock(came->mutex);
+    return !came->all.empty();
   }));
-  EXPECT_EQ(came.front(), "xfirst");
+  {
+    const std::lock_guard lock(came->mutex);
+    EXPECT_EQ(came->all.front(), "xfirst");
+  }
   const auto nobody = two->request("nobody.listens", "", 10s);
   ASSERT_TRUE(nobody);
   EXPECT_EQ(nobody->status, 503);
@@ -101,9 +107,9 @@ TEST_F(NatsConnectionTest, carries_messages_to_inboxes) {
 TEST_F(NatsConnectionTest, is_made_again_after_the_broker_was_killed_or_the_wire_cut) {
   Broker broker(options());
   const auto connection = connect(broker);
-  std::atomic<int> changes{0};
+  const auto changes = std::make_shared<std::atomic<int>>(0);
   const auto inbox = connection->open_inbox(
-      [&](const NatsMessage& message) { changes += message.subject.empty() ? 1 : 0; }, InboxKind::answers);
+      [changes](const NatsMessage& message) { *changes += message.subject.empty() ? 1 : 0; }, InboxKind::answers);
   connection->cut();
   EXPECT_TRUE(soon([&] { return connection->state().connects == 2 && connection->state().is_connected; }));
   broker.kill();
@@ -115,7 +121,7 @@ TEST_F(NatsConnectionTest, is_made_again_after_the_broker_was_killed_or_the_wire
   broker.start();
   connection->wait_until_connected(20s);
   EXPECT_EQ(connection->state().connects, 3U);
-  EXPECT_TRUE(soon([&] { return changes == 4; })) << "lost and made, twice";
+  EXPECT_TRUE(soon([&] { return *changes == 4; })) << "lost and made, twice";
   EXPECT_TRUE(connection->publish("somewhere", ""));
 }
 

@@ -21,20 +21,20 @@ class Reader {
   Reader(const std::shared_ptr<NatsConnection>& connection, const ConsumerOptions& options)
       : consumer(connection, options),
         inbox_(connection->open_inbox(
-            [this](const NatsMessage& message) {
-              const std::lock_guard lock(mutex_);
+            [came = came_](const NatsMessage& message) {
               if (message.subject.empty()) return;  // another connection
-              came_.push_back(message);
-              changed_.notify_all();
+              const std::lock_guard lock(came->mutex);
+              came->messages.push_back(message);
+              came->changed.notify_all();
             },
             InboxKind::deliveries)) {}
 
   // The next message, which may be a status; without one in time an empty one.
   NatsMessage next(std::chrono::milliseconds patience = 10s) {
-    std::unique_lock lock(mutex_);
-    if (!changed_.wait_for(lock, patience, [&] { return !came_.empty(); })) return {};
-    NatsMessage message = came_.front();
-    came_.pop_front();
+    std::unique_lock lock(came_->mutex);
+    if (!came_->changed.wait_for(lock, patience, [&] { return !came_->messages.empty(); })) return {};
+    NatsMessage message = came_->messages.front();
+    came_->messages.pop_front();
     return message;
   }
   std::vector<std::string> take(int count, bool acknowledge = true) {
@@ -52,9 +52,12 @@ class Reader {
   NatsConsumer consumer;
 
  private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<NatsMessage> came_;
+  struct Came {
+    std::mutex mutex;
+    std::condition_variable changed;
+    std::deque<NatsMessage> messages;
+  };
+  const std::shared_ptr<Came> came_ = std::make_shared<Came>();  // a call that has begun may outlive the inbox
   std::unique_ptr<NatsInbox> inbox_;
 };
 

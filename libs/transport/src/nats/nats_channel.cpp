@@ -22,7 +22,7 @@ std::uint64_t random_number() {
 NatsChannel::NatsChannel(std::shared_ptr<NatsConnection> connection, NatsChannelOptions options)
     : state_(std::make_shared<State>(std::move(connection), std::move(options), random_number())) {
   state_->open();
-  state_->thread = std::thread([state = state_.get()] { state->run(); });
+  state_->thread = std::thread([state = state_] { state->run(); });
 }
 
 NatsChannel::~NatsChannel() {
@@ -33,7 +33,12 @@ NatsChannel::~NatsChannel() {
     state_->ends = true;
     state_->stir();
   }
-  state_->thread.join();
+  // A listener may let go of its channel: the connection's thread, which it is called on, must not wait for one that
+  // may wait for it.
+  if (state_->connection->is_own_thread())
+    state_->thread.detach();
+  else
+    state_->thread.join();
 }
 
 Channel::Sent NatsChannel::send(Envelope envelope) {

@@ -34,12 +34,15 @@ ConsumerOptions consumer_options(const NatsRoute& route, std::size_t priority, c
           subject_of(route, priority, token), repeat_s,     kMostUnacknowledged};
 }
 
+// Half of the stream at most is not acknowledged: what is can always be taken away, so that the rest finds room.
 ChannelSenderOptions sender_options(const NatsChannelOptions& options) {
-  return {options.priorities.size() + 1, options.limits, options.received.message_bytes};
+  ChannelLimits limits = options.limits;
+  limits.bytes = std::min<std::uint64_t>(limits.bytes, options.out.stream_bytes / 2);
+  return {options.priorities.size() + 1, limits, options.received.message_bytes};
 }
 ChannelReceiverOptions receiver_options(const NatsChannelOptions& options, std::uint64_t session) {
   const bool accepts = options.side == NatsChannelSide::accepts;
-  return {accepts, accepts ? 0 : session, options.priorities.size() + 1, options.received, 3.0 * options.repeat_s, 3.0};
+  return {accepts, accepts ? 0 : session, options.priorities.size() + 1, options.received, options.missing_s, 3.0};
 }
 
 }  // namespace

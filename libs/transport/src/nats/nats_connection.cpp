@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <map>
@@ -50,6 +51,7 @@ struct NatsConnection::State : std::enable_shared_from_this<State> {
   struct Receiver {
     std::string token;
     bool has_own_subscription = false;
+    std::atomic<bool> is_gone{false};
     Handler handler;
   };
   struct Arrival {
@@ -67,7 +69,7 @@ struct NatsConnection::State : std::enable_shared_from_this<State> {
   ConnectionHandle connection;  // null: there is none
   NatsState shown;
   natsStatus last_status = NATS_OK;
-  std::uint64_t generation = 0, inboxes_made = 0;
+  std::uint64_t generation = 0, attempt = 0, inboxes_made = 0;
   Clock::time_point connected_at, came_at;
   std::map<std::string, std::shared_ptr<Receiver>> receivers;  // by the token below the root
   std::deque<Arrival> arrived;
@@ -162,7 +164,8 @@ void NatsConnection::State::work(std::chrono::milliseconds patience) {
     jobs.swap(posted);
     arrived_bytes = 0;
   }
-  for (const Arrival& one : messages) one.to->handler(one.message);
+  for (const Arrival& one : messages)
+    if (!one.to->is_gone) one.to->handler(one.message);
   for (const auto& job : jobs) job();
 }
 
@@ -270,35 +273,41 @@ bool NatsConnection::State::serve(natsConnection* library_connection) {
 }
 
 void NatsConnection::State::run() {
+  // May come late: a connection of before says nothing of this one.
   const auto closed = [](natsConnection*, void* number) {
-    if (const auto state = std::static_pointer_cast<State>(Callbacks::all().find(number).state.lock())) {
-      const std::lock_guard lock(state->mutex);
-      state->is_closed = true;
-      state->changed.notify_all();
-    }
+    const Callbacks::Target target = Callbacks::all().find(number);
     Callbacks::all().remove(number);
+    const auto state = std::static_pointer_cast<State>(target.state.lock());
+    if (!state) return;
+    const std::lock_guard lock(state->mutex);
+    if (target.token != std::to_string(state->attempt)) return;
+    state->is_closed = true;
+    state->changed.notify_all();
   };
   double wait_s = options.least_wait_s;
-  std::uint64_t attempts = std::hash<std::string>()(root);
+  std::uint64_t drawn = std::hash<std::string>()(root);
   for (bool goes_on = true; goes_on;) {
+    void* number = nullptr;
     {
       const std::lock_guard lock(mutex);
-      is_closed = false;
+      number = Callbacks::all().add(weak_from_this(), std::to_string(++attempt));
     }
     natsOptions_SetErrorHandler(library.get(), on_error, nullptr);
-    natsOptions_SetClosedCB(library.get(), closed, Callbacks::all().add(weak_from_this(), {}));
+    natsOptions_SetClosedCB(library.get(), closed, number);
     natsConnection* made = nullptr;
     const natsStatus status = natsConnection_Connect(&made, library.get());
     if (status == NATS_OK) {
       if (serve(made)) wait_s = options.least_wait_s;
     } else {
       trouble(status, words_of(status));
+      Callbacks::all().remove(number);
     }
     {
       const std::lock_guard lock(mutex);
       is_closed = false;
+      ++attempt;
     }
-    const double jitter = 0.75 + 0.5 * static_cast<double>(mixed(++attempts) >> 11) * 0x1p-53;
+    const double jitter = 0.75 + 0.5 * static_cast<double>(mixed(++drawn) >> 11) * 0x1p-53;
     goes_on = wait(wait_s * jitter);
     wait_s = std::min(2.0 * wait_s, std::max(options.least_wait_s, options.most_wait_s));
   }
@@ -391,7 +400,8 @@ std::unique_ptr<NatsInbox> NatsConnection::open_inbox(Handler handler, InboxKind
   // harmless.
   if (connection && receiver->has_own_subscription) state_->subscribe(connection.get(), receiver->token);
   inbox->name = state_->root + "." + receiver->token + (receiver->has_own_subscription ? "" : ".a");
-  inbox->end = [weak = std::weak_ptr(state_), token = receiver->token] {
+  inbox->end = [weak = std::weak_ptr(state_), receiver, token = receiver->token] {
+    receiver->is_gone = true;
     const auto state = weak.lock();
     if (!state) return;
     SubscriptionHandle own(nullptr, &natsSubscription_Destroy);
@@ -431,7 +441,7 @@ bool NatsConnection::publish(const std::string& subject, std::string_view bytes,
 
 std::optional<NatsMessage> NatsConnection::request(const std::string& subject, std::string_view bytes,
                                                    std::chrono::milliseconds patience, const std::string& message_id) {
-  MAPWEAVE_EXPECT(std::this_thread::get_id() != state_->thread.get_id(), "the connection's thread must not wait");
+  MAPWEAVE_EXPECT(!is_own_thread(), "the connection's thread must not wait");
   struct Answer {
     std::mutex mutex;
     std::condition_variable came;
@@ -454,6 +464,8 @@ std::optional<NatsMessage> NatsConnection::request(const std::string& subject, s
   answer->came.wait_for(lock, patience, [&] { return answer->message || answer->is_lost; });
   return answer->message;
 }
+
+bool NatsConnection::is_own_thread() const { return std::this_thread::get_id() == state_->thread.get_id(); }
 
 void NatsConnection::cut() {
   if (const ConnectionHandle connection = state_->current()) natsConnection_Close(connection.get());

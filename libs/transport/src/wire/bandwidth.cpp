@@ -11,19 +11,19 @@ constexpr double kNewShare = 0.3;
 
 }  // namespace
 
-void BandwidthMeter::sent(std::size_t bytes, double) { under_way_ += bytes; }
+void BandwidthMeter::sent(std::size_t bytes, double) { on_path_ += bytes; }
 
 void BandwidthMeter::confirmed(std::size_t bytes, double now_s) {
-  under_way_ -= std::min(under_way_, bytes);
+  on_path_ -= std::min(on_path_, bytes);
   if (since_s_) {
     bytes_ += static_cast<double>(bytes);
     const double passed_s = now_s - *since_s_;
-    const bool is_end = under_way_ == 0;
+    const bool is_end = on_path_ == 0;
     if ((passed_s >= kMeasure_s && bytes_ >= kLeastBytes) ||
         (is_end && passed_s >= kLeastBurst_s && bytes_ >= kLeastBurstBytes))
       fold(now_s);
   }
-  if (under_way_ == 0) {
+  if (on_path_ == 0) {
     since_s_.reset();
   } else if (!since_s_) {
     since_s_ = now_s;
@@ -32,7 +32,7 @@ void BandwidthMeter::confirmed(std::size_t bytes, double now_s) {
 }
 
 void BandwidthMeter::lost() {
-  under_way_ = 0;
+  on_path_ = 0;
   since_s_.reset();
 }
 

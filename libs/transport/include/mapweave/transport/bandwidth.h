@@ -24,7 +24,7 @@ class BandwidthMeter {
 
  private:
   void fold(double now_s);
-  std::size_t under_way_ = 0;
+  std::size_t on_path_ = 0;
   std::optional<double> since_s_;  // the confirmation that the measure began with
   double bytes_ = 0.0;             // confirmed since
   std::optional<Bandwidth> estimate_;

@@ -17,7 +17,7 @@ struct ChannelReceiverOptions {
   std::size_t priorities = 1;  // classes
   ReassemblyLimits limits;
   // So long a missing message is waited for, and messages of a session that nobody has opened.
-  double missing_s = 15.0, early_s = 3.0;
+  double missing_s = 60.0, early_s = 3.0;
 };
 
 // A session is what one end of a channel says between its beginning and its end. Not thread-safe. Times: as

@@ -22,9 +22,11 @@ namespace mapweave::transport {
 
 // Where a direction's streams are. Several peers share them.
 struct NatsRoute {
-  std::string streams;                                  // their names begin with it: letters, digits, '_', '-'
-  std::string domain;                                   // of the broker that has them; empty: the connected one
-  std::uint64_t stream_bytes = std::uint64_t{1} << 30;  // each stream refuses more
+  std::string streams;  // their names begin with it: letters, digits, '_', '-'
+  std::string domain;   // of the broker that has them; empty: the connected one
+  // Each stream refuses more. At least twice what all its peers may have in flight (`limits`), or parts of their long
+  // messages may leave no room for each other.
+  std::uint64_t stream_bytes = std::uint64_t{1} << 30;
 };
 
 enum class NatsChannelSide { opens, accepts };
@@ -38,10 +40,13 @@ struct NatsChannelOptions {
   NatsRoute out, in;
   // Subjects of envelopes by class, the most urgent first. All others are in one more class, the last.
   std::vector<std::vector<std::string>> priorities;
-  ChannelLimits limits{std::size_t{16} << 20, 4096};  // of what was sent and the other end has not acknowledged
+  // Of what was sent and the other end has not acknowledged; never more than half of a stream.
+  ChannelLimits limits{std::size_t{16} << 20, 4096};
   ReassemblyLimits received;
   std::size_t most_received_bytes = std::size_t{256} << 20;  // in memory; nothing more is asked for meanwhile
   double repeat_s = 5.0;  // what this end's program neither acknowledged nor still has is delivered again
+  // So long a message that is missing holds up its class. Longer than a stream may have no room: its sender tries on.
+  double missing_s = 60.0;
   // What close() and the destructor grant the rest on its path to the broker; 0: it ends as if it were killed, and the
   // other end is not informed.
   double linger_s = 0.5;
@@ -67,7 +72,7 @@ struct NatsChannelState {
 class NatsChannel : public Channel {
  public:
   NatsChannel(std::shared_ptr<NatsConnection> connection, NatsChannelOptions options);
-  ~NatsChannel() override;  // as close(), and waits for it
+  ~NatsChannel() override;  // as close(), and waits for it unless a listener does it
 
   Sent send(Envelope envelope) override;
   std::size_t in_flight_bytes() const override;

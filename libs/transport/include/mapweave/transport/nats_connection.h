@@ -57,7 +57,9 @@ struct NatsMessage {
 enum class InboxKind { answers, deliveries };
 class NatsInbox {
  public:
-  virtual ~NatsInbox() = default;  // nothing comes any more, but for a call that has begun
+  // No call of the handler begins any more. One that has begun is not waited for, as it may wait for a lock of who
+  // destroys this: what a handler uses it must own, or find gone (std::weak_ptr).
+  virtual ~NatsInbox() = default;
   virtual const std::string& subject() const = 0;
 };
 
@@ -91,6 +93,8 @@ class NatsConnection {
   // The first answer; nullopt: none came in time. Not for the connection's own thread (contract).
   std::optional<NatsMessage> request(const std::string& subject, std::string_view bytes,
                                      std::chrono::milliseconds patience, const std::string& message_id = {});
+  // Whether the caller is the connection's thread, which must not wait.
+  bool is_own_thread() const;
   // Lets go of the connection, which is made anew: as if the wire had been cut.
   void cut();
 
