@@ -179,7 +179,7 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(decode_client_view(bytes, "test"), Error) << "another message";
   EXPECT_THROW(decode_share("", "test"), Error);
   std::string newer = bytes;
-  newer[1] = 9;
+  newer[1] = 10;
   try {
     decode_share(newer, "test");
     ADD_FAILURE();
@@ -194,7 +194,7 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(encode(nowhere), ContractViolation);
 }
 
-Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body) {
+Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan> body) {
   return {RobotId("alpha"), 7, {123456789}, std::move(body)};
 }
 
@@ -221,6 +221,21 @@ TEST(Exchange, keeps_what_robots_sense) {
   ASSERT_TRUE(end.trouble);
   EXPECT_EQ(end.trouble->code(), trouble.code());
   EXPECT_STREQ(end.trouble->what(), trouble.what());
+}
+
+TEST(Exchange, keeps_the_last_word_of_a_robot_and_what_it_lost) {
+  StreamEnd end{Error(ErrorCode::kCorrupt, "cut short", "alpha.rawlog")};
+  end.notes = {"odometry in millimetres?", "no scan in 3 s"};
+  end.log = "/logs/alpha.rawlog";
+  end.log_sha256 = hash_of_bytes("alpha");
+  const auto back = std::get<StreamEnd>(decode_sensed(encode(sensed(end)), "test").body);
+  ASSERT_TRUE(back.trouble);
+  EXPECT_EQ(back.notes, end.notes);
+  EXPECT_EQ(back.log, end.log);
+  EXPECT_EQ(back.log_sha256, end.log_sha256);
+  EXPECT_TRUE(std::holds_alternative<LostScan>(decode_sensed(encode(sensed(LostScan{})), "test").body));
+  end.notes.resize(kMostNotes + 1);
+  EXPECT_THROW(encode(sensed(end)), ContractViolation);
 }
 
 TEST(Exchange, keeps_how_a_scan_was_bent_and_costs_nothing_where_it_was_not) {
@@ -286,9 +301,12 @@ TEST(Exchange, refuses_to_sense_what_cannot_be) {
   EXPECT_THROW(encode(sensed(nowhere)), ContractViolation);
   EXPECT_THROW(decode_sensed(encode(share()), "test"), Error);
   std::mt19937_64 random(18);
-  const std::string bytes = encode(sensed(small_scan()));
-  for (int i = 0; i < 3000; ++i) {
-    std::string damaged = bytes;
+  StreamEnd end;
+  end.notes = {"a note"};
+  end.log = "alpha.rawlog";
+  const std::string scan_bytes = encode(sensed(small_scan())), end_bytes = encode(sensed(end));
+  for (int i = 0; i < 6000; ++i) {
+    std::string damaged = i % 2 == 0 ? scan_bytes : end_bytes;
     damaged[random() % damaged.size()] ^= static_cast<char>(1 << (random() % 8));
     if (i % 5 == 0) damaged.resize(random() % damaged.size());
     try {

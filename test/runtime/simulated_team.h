@@ -1,6 +1,6 @@
 #pragma once
-// Two robots' logs of one small apartment, and a configuration that maps them; made once per program, since mapping
-// takes its time.
+// Robots' logs of one small apartment, and a configuration that maps them; made once per program, since mapping takes
+// its time.
 
 #include <mapweave/core/options.h>
 #include <mapweave/core/progress.h>
@@ -12,7 +12,8 @@ namespace mapweave::runtime::test_support {
 
 class SimulatedTeam {
  public:
-  SimulatedTeam() {
+  // Two robots, or three of which the last shares an edge with the first.
+  explicit SimulatedTeam(bool has_third = false) {
     simulation::WorldOptions world;
     world.laser.rays = 91;
     world.laser.scans_per_second = 2.0;
@@ -23,6 +24,11 @@ class SimulatedTeam {
       robot.length_m = 12.0;
       robot.first_room = id[0] == 'a' ? 0 : 1;
       world.robots.push_back(robot);
+    }
+    if (has_third) {
+      world.robots.push_back(world.robots.front());
+      world.robots.back().id = "gamma";
+      world.robots.back().first_room = 2;
     }
     WorkerPool pool(1);
     simulation::simulate(world, folder_.path(), pool, *make_silent_progress());

@@ -40,6 +40,17 @@ TEST(RobotSlam, takes_a_message_that_comes_twice_once) {
   EXPECT_EQ(instance.step(message(2, StreamEnd{}))->map->nodes.size(), 1u);
 }
 
+TEST(RobotSlam, goes_on_after_a_scan_that_was_lost) {
+  RobotSlam instance = slam();
+  EXPECT_FALSE(instance.step(message(1, make_scan(1.0))));
+  EXPECT_FALSE(instance.step({kAlpha, 2, {}, LostScan{}}));
+  EXPECT_FALSE(instance.step(message(3, make_scan(2.0))));
+  const auto outcome = instance.step(message(4, StreamEnd{}));
+  ASSERT_TRUE(outcome && outcome->map);
+  EXPECT_FALSE(outcome->trouble);
+  EXPECT_EQ(outcome->map->nodes.size(), 2u);
+}
+
 TEST(RobotSlam, keeps_what_came_before_trouble_and_before_a_gap) {
   RobotSlam cut = slam();
   cut.step(message(1, make_scan(1.0)));

@@ -166,7 +166,7 @@ Map ExternalMapper::map_of(std::vector<Waiting> scans) const {
                           options_.submaps);
 }
 
-void ExternalMapper::send(const Stamp& stamp, std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> sensed) {
+void ExternalMapper::send(const Stamp& stamp, decltype(Sensed::body) sensed) {
   send(protocol::framed(Sensed{client_.robot, ++sent_, stamp, std::move(sensed)}));
 }
 

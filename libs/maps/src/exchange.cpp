@@ -162,6 +162,37 @@ void take_keyframes(const form::Share& form, const FormReader& reader, const std
   for (const auto& id : form.dropped()) share.dropped.push_back(reader.node_id(id));
 }
 
+constexpr std::size_t kLongestNote = 4096;  // bytes
+
+void fill_end(form::StreamEnd& form, const StreamEnd& end) {
+  if (end.trouble) fill_error(form, *end.trouble);
+  MAPWEAVE_EXPECT(end.notes.size() <= kMostNotes && end.log.size() <= kLongestNote, "a last word is short");
+  for (const std::string& note : end.notes) {
+    MAPWEAVE_EXPECT(note.size() <= kLongestNote, "a note is short");
+    form.add_notes(note);
+  }
+  if (end.log.empty()) return;
+  form.set_log(end.log);
+  form.set_log_sha256(std::string(end.log_sha256.bytes.begin(), end.log_sha256.bytes.end()));
+}
+
+StreamEnd end_of(const form::StreamEnd& form, const FormReader& reader) {
+  StreamEnd end{};
+  if (form.code() > 0) end.trouble = error_of(form, reader);
+  if (static_cast<std::size_t>(form.notes_size()) > kMostNotes || form.log().size() > kLongestNote)
+    reader.corrupt("a last word of " + std::to_string(form.notes_size()) + " notes; at most " +
+                   std::to_string(kMostNotes) + " are expected, of " + std::to_string(kLongestNote) + " bytes");
+  for (const std::string& note : form.notes()) {
+    if (note.size() > kLongestNote) reader.corrupt("a note of " + std::to_string(note.size()) + " bytes");
+    end.notes.push_back(note);
+  }
+  if (form.log().empty() != form.log_sha256().empty()) reader.corrupt("a log has a path and a checksum, or neither");
+  if (form.log().empty()) return end;
+  end.log = form.log();
+  end.log_sha256 = reader.hash(form.log_sha256());
+  return end;
+}
+
 }  // namespace
 
 form::SharedLandmark form_of(const DescribedLandmark& landmark, const SessionTable& sessions) {
@@ -282,9 +313,10 @@ std::string encode(const Sensed& sensed) {
   } else if (const auto* inertial = std::get_if<InertialYaw>(&sensed.body)) {
     MAPWEAVE_EXPECT(std::isfinite(inertial->yaw_rad), "only sound values are sent: a heading is not finite");
     content.set_inertial_yaw_rad(inertial->yaw_rad);
+  } else if (std::holds_alternative<LostScan>(sensed.body)) {
+    content.set_lost_scan(true);
   } else {
-    content.mutable_end();
-    if (const auto& trouble = std::get<StreamEnd>(sensed.body).trouble) fill_error(*content.mutable_end(), *trouble);
+    fill_end(*content.mutable_end(), std::get<StreamEnd>(sensed.body));
   }
   return written(form);
 }
@@ -360,8 +392,10 @@ Sensed sensed_of(const form::Sensed& content, FormReader& reader) {
       if (!std::isfinite(content.inertial_yaw_rad())) reader.corrupt("a heading that is not finite");
       sensed.body = InertialYaw{content.inertial_yaw_rad()};
       break;
-    case form::Sensed::kEnd:
-      if (content.end().code() > 0) sensed.body = StreamEnd{error_of(content.end(), reader)};
+    case form::Sensed::kEnd: sensed.body = end_of(content.end(), reader); break;
+    case form::Sensed::kLostScan:
+      if (!content.lost_scan()) reader.corrupt("a scan that is lost and is not");
+      sensed.body = LostScan{};
       break;
     case form::Sensed::BODY_NOT_SET: reader.corrupt("a robot that says nothing");
   }

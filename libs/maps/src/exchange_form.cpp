@@ -4,9 +4,9 @@ namespace mapweave {
 namespace {
 
 // 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units, 5 nothing of tiers but
-// reports, 6 no floats, 7 no keyframes that are shared.
-constexpr std::uint32_t kVersion = 8, kFloatVersion = 7, kTierVersion = 6, kSweepVersion = 5, kReportVersion = 4,
-                        kSensedVersion = 3, kDenseVersion = 2;
+// reports, 6 no floats, 7 no keyframes that are shared, 8 no scans that are lost and no report at the end of a stream.
+constexpr std::uint32_t kVersion = 9, kSharedVersion = 8, kFloatVersion = 7, kTierVersion = 6, kSweepVersion = 5,
+                        kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr std::size_t kMostMergedBytes = std::size_t{1} << 30;  // of what holds the constraints of a team, as an update
 
@@ -14,11 +14,13 @@ std::uint32_t version_of(const form::Exchange& form) {
   switch (form.content_case()) {
     case form::Exchange::kHello:
     case form::Exchange::kPlaceAnswer: return 1;
-    case form::Exchange::kView: return form.view().room() == 0 ? 1 : kVersion;
+    case form::Exchange::kView: return form.view().room() == 0 ? 1 : kSharedVersion;
     case form::Exchange::kShare:
-      return form.share().keyframes().empty() && form.share().dropped().empty() ? 1 : kVersion;
+      return form.share().keyframes().empty() && form.share().dropped().empty() ? 1 : kSharedVersion;
     case form::Exchange::kPlaceRequest: return form.place_request().features().dense().empty() ? 1 : kDenseVersion;
     case form::Exchange::kSensed: {
+      const auto& end = form.sensed().end();
+      if (form.sensed().has_lost_scan() || !end.notes().empty() || !end.log().empty()) return kVersion;
       const auto& geometry = form.sensed().geometry();
       const bool sweeps = geometry.first_ray_s() != 0.0 || geometry.ray_step_s() != 0.0;
       return sweeps || form.sensed().has_inertial_yaw_rad() ? kSweepVersion : kSensedVersion;

@@ -1,18 +1,13 @@
-#include "given_maps.h"
 #include "log_parts.h"
 #include "map_robots.h"
-#include "metered_tiers.h"
 #include "robot_results.h"
 #include "shared_cameras.h"
-#include "start_maps.h"
 #include "team_options.h"
+#include "team_run.h"
 
 #include <mapweave/core/interrupt.h>
-#include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/merge_requests.h>
 #include <mapweave/scheduling/overlap_estimate.h>
-
-#include <algorithm>
 
 namespace mapweave::runtime {
 namespace {
@@ -88,82 +83,50 @@ tiers::RobotUpdates updates_of(const tiers::RobotOutcome& outcome) {
   return sent;
 }
 
-// A team's run. Each step leaves what the next one takes, in the order of the robots' names.
-class TeamRun {
- public:
-  TeamRun(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
-          Progress& progress)
-      : configuration_(configuration),
-        given_(plan),
-        settings_(settings),
-        pool_(pool),
-        progress_(progress),
-        results_(settings.out, settings.force, configuration, pool, progress),
-        plan_(plan),
-        starts_(read_start_maps(configuration, plan)),
-        cloud_(tiers::CloudMerger(cloud_tier(), configuration.fusion)) {
-    report_.notes = starts_.notes;
-    inputs_ = starts_.files;
-    cloud_.begin_with(starts_.maps);
-    frame_request();  // says now what is wrong with it
-  }
+}  // namespace
 
-  Report run() {
-    const bool is_whole = map();
-    const auto fuse = [this] {
-      fuse_on_edges();
-      judge_on_edges();
-      finalize();
-    };
-    if (is_whole && !finished(fuse)) acknowledge_interruption(report_, is_any_mapped());
-    write();
-    return std::move(report_);
-  }
+TeamRun::TeamRun(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
+                 WorkerPool& pool, Progress& progress)
+    : configuration_(configuration),
+      given_(plan),
+      settings_(settings),
+      pool_(pool),
+      progress_(progress),
+      results_(settings.out, settings.force, configuration, pool, progress),
+      plan_(plan),
+      starts_(read_start_maps(configuration, plan)),
+      cloud_(tiers::CloudMerger(cloud_tier(), configuration.fusion)) {
+  report_.notes = starts_.notes;
+  inputs_ = starts_.files;
+  cloud_.begin_with(starts_.maps);
+  frame_request();  // says now what is wrong with it
+}
 
- private:
-  bool map();
-  void fuse_on_edges();
-  void judge_on_edges();
-  void merge_in_cloud();
-  void finalize();
-  void write();
+Report TeamRun::run() {
+  const bool is_whole = map();
+  const auto fuse = [this] {
+    fuse_on_edges();
+    judge_on_edges();
+    finalize();
+  };
+  if (is_whole && !finished(fuse)) acknowledge_interruption(report_, is_any_mapped());
+  write();
+  return std::move(report_);
+}
 
-  bool is_any_mapped() const {
-    return std::any_of(outcomes_.begin(), outcomes_.end(), [](const auto& outcome) { return outcome.map.has_value(); });
-  }
-  void take(std::vector<std::optional<RobotResult>> robots);
-  void take(RoundsReport rounds);
-  void take_requests();
-  FrameRequest frame_request() const;
-  std::set<std::pair<MapId, MapId>> refused_maps() const;
-  FrameChoice frame_choice() const;
-  std::vector<const Map*> own_maps() const;
-  void send_to_cloud(const std::vector<std::string>& updates, const std::string& from);
-  void send_maps_of_robots();
-  void report_work();
-  void write_edges();
-  void write_team();
+void TeamRun::take_robots(std::vector<std::optional<RobotResult>> robots) {
+  take(std::move(robots));
+  take_requests();
+}
 
-  const RunConfiguration& configuration_;
-  const RunPlan& given_;
-  const RunSettings& settings_;
-  WorkerPool& pool_;
-  Progress& progress_;
-  Results results_;
-  RunPlan plan_;  // with the edges that a coordinator chose
-  StartMaps starts_;
-  Report report_;
-  std::vector<InputFile> inputs_;
-  std::vector<tiers::RobotOutcome> outcomes_;
-  std::vector<CamerasOutcome> cameras_;  // of the outcomes
-  std::vector<rig::FusedTrajectory> poses_;
-  std::vector<fusion::MapPrior> priors_;
-  std::set<std::pair<MapId, MapId>> refused_;
-  std::vector<MeteredEdge> edges_;
-  MeteredCloud cloud_;
-  fusion::FusionResult team_;
-  std::vector<TeamFrame> frames_;  // of its components
-};
+Report TeamRun::conclude(fusion::FusionResult team, const std::vector<std::string>& notes) {
+  report_.notes.insert(report_.notes.end(), notes.begin(), notes.end());
+  team_ = std::move(team);
+  fuse_on_edges();
+  look_back();
+  write();
+  return std::move(report_);
+}
 
 // False: an interruption left robots without maps.
 bool TeamRun::map() {
@@ -353,6 +316,11 @@ void TeamRun::merge_in_cloud() {
 
 void TeamRun::finalize() {
   if (is_any_mapped()) merge_in_cloud();
+  look_back();
+}
+
+// Frames, and what was done.
+void TeamRun::look_back() {
   frames_ = choose_frames(frame_choice(), own_maps(), team_);
   report_work();
   const double recorded_s = report_.coordination ? report_.coordination->recorded_s
@@ -430,8 +398,6 @@ void TeamRun::write_team() {
     results_.add_file(pushed.next_run, next_run_text(pushed.robot));
   }
 }
-
-}  // namespace
 
 Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
                  WorkerPool& pool, Progress& progress) {

@@ -176,18 +176,8 @@ LaserOutcome LaserTask::finish() {
   result.notes = state.units.notes();
   for (const std::string& note : result.outcome.notes)
     result.notes.push_back("robot " + state.robot.id.str() + ": " + note);
-  const laser::ScanPacker& packer = state.agent.packer();
-  if (packer.found_inertial() && state.configuration.laser.engine != laser::Engine::graph &&
-      state.configuration.laser.scan.inertial != laser::InertialUse::none)
-    result.notes.push_back(
-        "robot " + state.robot.id.str() +
-        ": its inertial unit is not used: the laser engines rbpf and icp ignore it, laser.engine=graph uses it");
-  for (const auto& [label, count] : packer.ignored_lasers())
-    log(LogLevel::info, "robot " + state.robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label +
-                            "' are not used; '" + packer.label() + "' is (choose with --set laser.scan.label=...)");
-  if (packer.unusable() > 0)
-    log(LogLevel::warning, "robot " + state.robot.id.str() + ": " + std::to_string(packer.unusable()) +
-                               " records made no sense and were left out");
+  if (const auto note = note_on_packing(state.robot.id, state.agent.packer(), state.configuration.laser))
+    result.notes.push_back(*note);
   return result;
 }
 

@@ -103,22 +103,21 @@ void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, 
   }
 }
 
-// The robot's pose as it came.
-void fuse_poses(const PlannedRobot& robot, const RunConfiguration& configuration, LiveInputs live,
-                RobotResult& result) {
+}  // namespace
+
+void fuse_poses(const RobotId& robot, const RunConfiguration& configuration, std::vector<rig::SpokenPoses> sensors,
+                const std::vector<StampedPose>& odometry, RobotResult& result) {
   if (!result.outcome.map) return;
-  if (live.sensors.empty()) {
+  if (sensors.empty()) {
     if (configuration.output.tum && configuration.laser.engine != laser::Engine::graph)
-      result.notes.push_back("robot " + robot.id.str() +
+      result.notes.push_back("robot " + robot.str() +
                              ": there is no robot.tum: the laser engines rbpf and icp say where the robot was at their "
                              "end alone (laser.engine=graph says it as it comes)");
     return;
   }
-  result.pose = rig::fused_poses(std::move(live.sensors), live.odometry, configuration.pose);
+  result.pose = rig::fused_poses(std::move(sensors), odometry, configuration.pose);
   result.report.pose = result.pose.report;
 }
-
-}  // namespace
 
 RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings, MappedTogether mapped) {
   RobotResult result;
@@ -145,7 +144,7 @@ RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings
   } catch (const Error& error) {
     result.outcome = {robot.id, std::nullopt, error};
   }
-  fuse_poses(robot, settings.configuration, std::move(live), result);
+  fuse_poses(robot.id, settings.configuration, std::move(live.sensors), live.odometry, result);
   return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = mapped_before_s + watch.seconds();
   result.report.cpu_seconds += thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;

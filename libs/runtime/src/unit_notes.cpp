@@ -29,4 +29,19 @@ void UnitNotes::say(const std::vector<rawlog::UnitDoubt>& doubts) {
   }
 }
 
+std::optional<std::string> note_on_packing(const RobotId& robot, const laser::ScanPacker& packer,
+                                           const laser::LaserOptions& options) {
+  for (const auto& [label, count] : packer.ignored_lasers())
+    log(LogLevel::info, "robot " + robot.str() + ": " + std::to_string(count) + " scans of laser '" + label +
+                            "' are not used; '" + packer.label() + "' is (choose with --set laser.scan.label=...)");
+  if (packer.unusable() > 0)
+    log(LogLevel::warning,
+        "robot " + robot.str() + ": " + std::to_string(packer.unusable()) + " records made no sense and were left out");
+  if (!packer.found_inertial() || options.engine == laser::Engine::graph ||
+      options.scan.inertial == laser::InertialUse::none)
+    return std::nullopt;
+  return "robot " + robot.str() +
+         ": its inertial unit is not used: the laser engines rbpf and icp ignore it, laser.engine=graph uses it";
+}
+
 }  // namespace mapweave::runtime

@@ -2,10 +2,12 @@
 // Watches the beginning of a robot's log for numbers that cannot be metres and radians.
 
 #include <mapweave/laser/odometry_check.h>
+#include <mapweave/laser/scan_input.h>
 #include <mapweave/maps/exchange.h>
 #include <mapweave/rawlog/unit_check.h>
 #include <mapweave/runtime/run_configuration.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,5 +30,9 @@ class UnitNotes {
   laser::OdometryCheck odometry_;
   std::vector<std::string> notes_;
 };
+
+// What a packer that has seen the whole log left out: logged, and what matters returned as a note.
+std::optional<std::string> note_on_packing(const RobotId& robot, const laser::ScanPacker& packer,
+                                           const laser::LaserOptions& options);
 
 }  // namespace mapweave::runtime

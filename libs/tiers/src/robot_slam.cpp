@@ -24,6 +24,7 @@ std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
               "robot " + robot_.str(), "replay the robot's own log"));
   ++expected_;
   if (const auto* end = std::get_if<StreamEnd>(&sensed.body)) return finished(end->trouble);
+  if (std::holds_alternative<LostScan>(sensed.body)) return std::nullopt;
   if (auto* scan = std::get_if<PackedScan>(&sensed.body)) {
     if (geometry_ != nullptr && *geometry_ == *scan->geometry) scan->geometry = geometry_;
     geometry_ = scan->geometry;

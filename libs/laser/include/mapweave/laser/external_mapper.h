@@ -54,7 +54,7 @@ class ExternalMapper : public LaserMapper {
   void start(const std::string& program);
   void send(std::string_view bytes);                     // and takes what comes meanwhile
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
-  void send(const Stamp& stamp, std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> sensed);
+  void send(const Stamp& stamp, decltype(Sensed::body) sensed);
   void take(const MapperOutput&);
   void await_poses();
   Map map_of(std::vector<Waiting> scans) const;  // of the first scans, which have poses

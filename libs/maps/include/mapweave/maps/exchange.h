@@ -28,10 +28,10 @@ struct DescribedLandmark {
   ClientId updated_by;                       // last; stays with the server
 };
 
-// Client -> server, the first word. A picture's words mean nothing to who has another vocabulary.
+// The first word, of a camera's client to its server; of robots, edges and the cloud to each other.
 struct Hello {
   SessionId session;
-  Hash vocabulary;
+  Hash vocabulary;  // what both must have alike: pictures' words mean nothing to who has others; else a configuration
 };
 
 // Client -> server: where it is now, and so what it may see.
@@ -82,22 +82,31 @@ struct Share {
 inline constexpr std::size_t kMostSharedKeyframes = 1000;      // of one share; as many are dropped
 inline constexpr std::size_t kMostLandmarksOfKeyframe = 1000;  // of one that is shared
 
-// The last word of a robot. A stream may end early; what came before it counts.
+// The last word of a robot. A stream may end early; what came before it counts. A robot that is no task of its edge's
+// process says the rest, too.
 struct StreamEnd {
-  std::optional<Error> trouble;  // why it ended early; empty at the end of the log
+  std::optional<Error> trouble;         // why it ended early; empty at the end of the log
+  std::vector<std::string> notes = {};  // what is implausible of what was sensed; at most kMostNotes
+  std::string log = {};                 // where it was recorded, on the robot's machine; empty: not said
+  Hash log_sha256 = {};
 };
+inline constexpr std::size_t kMostNotes = 100;
+
+// A scan that the robot had no room to keep while its edge was away. Its number is taken, so that nobody waits for it.
+struct LostScan {};
 
 // Heading by an inertial unit, accumulated since any start.
 struct InertialYaw {
   double yaw_rad = 0.0;  // not wrapped
 };
 
-// Robot -> edge: one scan, one pose of the wheels (odometry_from_robot), one heading of the inertial unit, or the end.
+// Robot -> edge: one scan, one pose of the wheels (odometry_from_robot), one heading of the inertial unit, that a scan
+// was lost, or the end.
 struct Sensed {
   RobotId robot;
   std::uint64_t sequence = 0;  // counts from 1
   Stamp stamp;                 // of the end: nothing
-  std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body;
+  std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan> body;
 };
 
 // Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is

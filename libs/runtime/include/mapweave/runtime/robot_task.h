@@ -47,4 +47,8 @@ struct MappedTogether {
 // and the signal is forgotten. The plan's sensors are chosen.
 RobotResult map_robot(const PlannedRobot&, const MappingSettings&, MappedTogether = {});
 
+// Adds the robot's pose as it came, by what its sensors said while it drove, or a note on why there is none.
+void fuse_poses(const RobotId& robot, const RunConfiguration& configuration, std::vector<rig::SpokenPoses> sensors,
+                const std::vector<StampedPose>& odometry, RobotResult& result);
+
 }  // namespace mapweave::runtime

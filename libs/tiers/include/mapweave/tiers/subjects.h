@@ -1,14 +1,26 @@
 #pragma once
-// Subjects of what a camera client and its map server send each other (transport/channel.h): what a message is.
+// Subjects of what tiers send each other (transport/channel.h): what a message is.
 
 namespace mapweave::tiers::subject {
 
-// Client -> server: encoded Hello, MapUpdate, ClientView, PlaceRequest. Updates are numbered, each map's by itself, and
-// repeated until a receipt names them; the others are sent once.
+// A camera's client -> its map server: encoded Hello, MapUpdate, ClientView, PlaceRequest. Updates are numbered, each
+// map's by itself, and repeated until a receipt names them; the others are sent once.
 inline constexpr char kHello[] = "hello", kUpdate[] = "update", kView[] = "view", kPlaceRequest[] = "place_request";
 // Server -> client: encoded Receipts (welcome: of all that is stored, the answer to hello; receipts: of what was
 // updated since), Share, PlaceAnswer, Refusal.
 inline constexpr char kWelcome[] = "welcome", kReceipts[] = "receipts", kShare[] = "share", kPlace[] = "place",
                       kRefusal[] = "refusal";
+
+// Robots with lasers, edges and the cloud, where each is a program of its own; all are numbered. Robot -> edge: Sensed.
+inline constexpr char kSensed[] = "sensed";
+// Edge -> cloud. Previews: a round is its updates and merges, then its end. What the final map rests on: MapUpdates and
+// MergedMaps as EdgeServer sends them, then that it has fused. For the folder of results: each robot's whole map and
+// report. Answers: judgements and whole maps as MapUpdates, then that this is all.
+inline constexpr char kPreviewUpdate[] = "preview_update", kPreviewMerged[] = "preview_merged",
+                      kPreviewEnd[] = "preview_end", kFinalUpdate[] = "final_update", kMerged[] = "merged",
+                      kFused[] = "fused", kRobotMap[] = "robot_map", kRobotReport[] = "robot_report",
+                      kJudged[] = "judged", kWholeMaps[] = "whole_maps";
+// Cloud -> edge: a judging task, as its maps and then its pairs; maps that it wants as a whole; that all is done.
+inline constexpr char kJudgeMap[] = "judge_map", kJudge[] = "judge", kWanted[] = "wanted", kDone[] = "done";
 
 }  // namespace mapweave::tiers::subject

@@ -1,0 +1,50 @@
+#pragma once
+// The cloud of a deployment: merges what its edges send, shows previews, and once all robots have ended leaves the
+// folder of results as `run` leaves it.
+
+#include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/live_edge.h>
+
+namespace mapweave::runtime {
+
+struct LiveCloudCounts {
+  struct Edge {
+    TierId id;
+    std::uint64_t taken = 0, stored = 0;         // messages: that came, in order; in the journal
+    bool is_on_wire = false, has_fused = false;  // has_fused: its final maps are all here
+    bool has_all = false;                        // it has all that the cloud had to say to it
+    std::uint64_t runs = 0;                      // how often it began
+  };
+  std::vector<Edge> edges;                               // by id
+  std::uint64_t refused = 0, unreadable = 0, again = 0;  // as LiveEdgeCounts
+  std::uint64_t previews = 0;
+  std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
+  std::size_t maps = 0;                   // in the last preview
+  bool is_sealing = false, is_done = false;
+  std::string trouble;  // why it stores nothing, or cannot go on; empty: it does
+};
+
+// All calls are thread-safe.
+class LiveCloud {
+ public:
+  // Goes on where the journal ends, as LiveEdge. Throws Error: kCannotWrite where the results could not be written,
+  // what UpdateJournal throws, and what run_batch() throws of maps that it begins with.
+  LiveCloud(const LiveSite& site, const RunSettings& settings);
+  ~LiveCloud();
+
+  // As LiveEdge's, to edges.
+  std::shared_ptr<transport::Channel> connect();
+  void serve(std::shared_ptr<transport::Channel> edge);
+  // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
+  void seal_now();
+  // The report, once the folder is there and the edges were told; nullopt: it is not yet. Throws what went wrong for
+  // good (Error), and Interrupted where an interruption ended it.
+  std::optional<Report> wait(std::chrono::milliseconds patience);
+  LiveCloudCounts counts() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace mapweave::runtime

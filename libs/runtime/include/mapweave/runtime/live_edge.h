@@ -1,0 +1,62 @@
+#pragma once
+// An edge of a deployment: maps what its robots send, a thread each, shows previews, and sends the cloud what
+// EdgeServer makes of the maps once all have ended. What it says it has stored is in its journal.
+
+#include <mapweave/core/progress.h>
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/live_robot.h>
+
+#include <filesystem>
+#include <vector>
+
+namespace mapweave::runtime {
+
+// What an edge or a cloud is of. What it refers to must outlive it.
+struct LiveSite {
+  const RunConfiguration& configuration;
+  const RunPlan& plan;  // of the whole team
+  LiveOptions options;
+  WorkerPool& pool;
+  Progress& progress;
+  std::optional<std::filesystem::path> journal = {};
+};
+
+struct LiveEdgeCounts {
+  struct Robot {
+    RobotId id;
+    std::uint64_t taken = 0, stored = 0, mapped = 0;  // messages: that came, in order; in the journal; mapped
+    std::uint64_t scans = 0, lost_scans = 0;          // of those mapped; that the robot had no room for
+    std::size_t queue_bytes = 0;                      // that wait to be mapped
+    bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
+  };
+  std::vector<Robot> robots;  // by id
+  std::uint64_t refused = 0;  // hellos: of robots that are not its own, of a name that is here, of other versions
+  std::uint64_t unreadable = 0, again = 0;  // messages: that cannot be decoded; that came before
+  std::uint64_t previews = 0;
+  std::vector<std::vector<MapId>> joint;   // maps that are one in the last preview: two or more each
+  std::size_t waiting_bytes = 0;           // that the cloud has not stored
+  bool is_fused = false, is_done = false;  // all of its robots are in its map; the cloud has written the team's
+  std::string trouble;                     // why it stores nothing, or cannot go on; empty: it does
+};
+
+// All calls are thread-safe.
+class LiveEdge {
+ public:
+  // Goes on where the journal ends: it maps again what is in it, before it takes more. Without one, what it has is gone
+  // when it ends, and it confirms what it holds in memory. Throws Error as UpdateJournal does, and kBadInput where no
+  // robot of the plan has this edge.
+  LiveEdge(TierId edge, const LiveSite& site, Connect to_cloud);
+  ~LiveEdge();  // at once; what is in the journal stays
+
+  // A robot's end of a channel in this process. Letting go of it closes it.
+  std::shared_ptr<transport::Channel> connect();
+  // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
+  void serve(std::shared_ptr<transport::Channel> robot);
+  LiveEdgeCounts counts() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace mapweave::runtime

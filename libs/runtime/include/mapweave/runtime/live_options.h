@@ -1,0 +1,53 @@
+#pragma once
+// How programs of a deployment talk and when they show something: the section `live` of a configuration.
+
+#include <cstddef>
+
+namespace mapweave::runtime {
+
+struct LiveWireOptions {
+  double repeat_s = 2.0;
+  int window_kb = 4096;
+  std::size_t window_bytes() const { return static_cast<std::size_t>(window_kb) << 10; }
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.positive("repeat_s", repeat_s,
+               "time in seconds without a receipt after which what was sent is sent again; larger values repeat less "
+               "and recover later");
+    v.integer("window_kb", window_kb, 64, 1 << 20,
+              "of messages, in kB, that may be on their way without a receipt; larger values fill long wires better "
+              "and take more memory");
+  }
+};
+
+struct LiveOptions {
+  double speed = 1.0;
+  double preview_period_s = 5.0;
+  int robot_buffer_kb = 262144;
+  int edge_queue_kb = 32768;
+  double patience_s = 15.0;
+  LiveWireOptions wire;
+  std::size_t robot_buffer_bytes() const { return static_cast<std::size_t>(robot_buffer_kb) << 10; }
+  std::size_t edge_queue_bytes() const { return static_cast<std::size_t>(edge_queue_kb) << 10; }
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.non_negative("speed", speed,
+                   "how fast a robot's recording is played, as a multiple of the speed at which it was recorded; "
+                   "larger values are faster; 0: as fast as its edge takes it");
+    v.positive("preview_period_s", preview_period_s,
+               "time in seconds between two previews in which an edge and the cloud fuse the maps so far; larger "
+               "values show less and cost less. The final map is the same");
+    v.integer("robot_buffer_kb", robot_buffer_kb, 1, 1 << 30,
+              "of what a robot sensed, in kB, that it keeps while its edge does not take it; larger values survive "
+              "longer outages. Beyond it scans are lost, and counted; odometry is kept");
+    v.integer("edge_queue_kb", edge_queue_kb, 1, 1 << 30,
+              "of what one robot sensed, in kB, that may wait at its edge to be mapped; the rest waits at the robot; "
+              "larger values take more memory");
+    v.positive("patience_s", patience_s,
+               "time in seconds after which it is said who does not answer, again and again; larger values say it "
+               "less often");
+    v.section("wire", wire, "messages between robots, edges and the cloud");
+  }
+};
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,62 @@
+#pragma once
+// A robot of a deployment: plays its recording, packs what a laser mapper needs, and sends it to its edge, whatever
+// becomes of the wire meanwhile.
+
+#include <mapweave/runtime/live_options.h>
+#include <mapweave/runtime/run_configuration.h>
+#include <mapweave/transport/channel.h>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace mapweave::runtime {
+
+// A new channel to the other end; null, or one that is closed: it is not there now, and is asked for again. Called on
+// any thread.
+using Connect = std::function<std::shared_ptr<transport::Channel>()>;
+
+struct LiveRobotCounts {
+  std::uint64_t records = 0, scans = 0, lost_scans = 0;  // read; of these, packed; that there was no room for
+  std::uint64_t messages = 0, confirmed = 0;             // said; that the edge has stored
+  std::size_t waiting_bytes = 0;                         // of those that it has not
+  std::uint64_t sent_bytes = 0;                          // repetitions too
+  double recorded_s = 0.0;                               // of data, so far
+  bool is_read = false;                                  // the recording has ended
+  double silent_s = 0.0;                                 // since the edge said something
+  std::string refusal;                                   // the edge's last one
+};
+
+// Two threads of its own: one reads, one speaks. All calls are thread-safe. One recording is one run: a robot that
+// begins again goes on where its edge has stored what it said.
+class LiveRobot {
+ public:
+  // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
+  // for a robot that does not map with a laser alone.
+  LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
+            Connect to_edge);
+  ~LiveRobot();
+
+  // The recording ends where it is.
+  void end();
+  // All is said, and stored at the edge.
+  bool is_done() const;
+  bool wait(std::chrono::milliseconds patience) const;  // for is_done()
+  LiveRobotCounts counts() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+// What all programs of a deployment must have alike for one map: of the configuration all but where robots' logs lie,
+// what is written, and how programs talk; and the program's version.
+Hash agreement_of(RunConfiguration configuration);
+
+// Throws Error(kBadInput), naming the key, for what robots, edges and a cloud that run as programs of their own do not
+// do yet: cameras, maps on board, a coordinator, parts of logs. The plan's sensors need not be chosen.
+void expect_live(const RunConfiguration& configuration, const RunPlan& plan);
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,34 @@
+#include <mapweave/core/options.h>
+#include <mapweave/runtime/live_robot.h>
+#include <mapweave/runtime/manifest.h>
+
+namespace mapweave::runtime {
+
+Hash agreement_of(RunConfiguration configuration) {
+  for (RobotEntry& robot : configuration.robots) robot.log.clear();
+  configuration.output = {};
+  configuration.visual.vocabulary.clear();  // a path
+  return Hasher().add(program_version()).add(to_yaml(configuration)).finish();
+}
+
+void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
+  const auto refuse = [](const std::string& what, const std::string& key, const std::string& remedy) {
+    throw Error(ErrorCode::kBadInput, what, key, remedy);
+  };
+  if (configuration.mode != Mode::offload)
+    refuse("robots that map themselves are not run as programs of their own yet", "mode", "set mode: offload");
+  if (configuration.coordinator.method != Coordination::none)
+    refuse("a coordinator is not run as a program of its own yet", "coordinator.method",
+           "set method: none, and give each robot its edge");
+  for (const PlannedRobot& robot : plan.robots) {
+    if (robot.part)
+      refuse("robot '" + robot.robot().str() + "' has several edges; robots that are programs of their own have one",
+             "robots", "give it `edge` in place of `edges`");
+    const std::string& sensor = configuration_of(configuration, robot).sensor;
+    if (sensor != "auto" && sensor != "laser" && sensor != "depth")
+      refuse("robots with sensor: " + sensor + " are not run as programs of their own yet", "sensor",
+             "set sensor: laser");
+  }
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,262 @@
+#include "live_cloud_state.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/core/log.h>
+#include <mapweave/runtime/merge_requests.h>
+#include <mapweave/tiers/subjects.h>
+
+#include <algorithm>
+
+namespace mapweave::runtime {
+
+namespace subject = tiers::subject;
+
+void LiveCloud::State::merge() {
+  const auto period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(site.options.preview_period_s));
+  auto next = Clock::now() + period;
+  std::unique_lock lock(mutex);
+  const auto has_work = [&] {
+    return ends || (seals_now && phase == Phase::collecting) ||
+           std::any_of(edges.begin(), edges.end(), [](const auto& e) { return !e.second.said.empty(); });
+  };
+  while (!ends && phase != Phase::done) {
+    changed.wait_until(lock, next, has_work);
+    if (ends) return;
+    lock.unlock();
+    try {
+      take_said();
+      while (advance()) {}
+      if (Clock::now() >= next) {
+        if (phase == Phase::collecting) preview();
+        next = Clock::now() + period;
+      }
+      lock.lock();
+    } catch (...) {
+      lock.lock();
+      trouble = std::current_exception();
+      changed.notify_all();
+      return;
+    }
+  }
+}
+
+void LiveCloud::State::take_said() {
+  for (auto& [id, edge] : edges) {
+    std::deque<Said> said;
+    bool is_forgotten = false;
+    {
+      const std::lock_guard lock(mutex);
+      said = std::exchange(edge.said, {});
+      is_forgotten = std::exchange(edge.is_forgotten, false);
+    }
+    if (is_forgotten) {
+      edge.news = {};
+      for (const PlannedRobot& robot : site.plan.robots)
+        if (robot.edge == id) rounds.forget(MapId(robot.id.str()));
+    }
+    for (Said& one : said) {
+      try {
+        take(id, edge, std::move(one));
+      } catch (const Error& error) {
+        log(LogLevel::warning, "what edge " + id.str() + " sent is left out: " + error.what());
+        const std::lock_guard lock(mutex);
+        ++counts.unreadable;
+      }
+    }
+  }
+}
+
+void LiveCloud::State::take(const TierId& id, Edge& edge, Said said) {
+  const std::string& what = said.subject;
+  if (what == subject::kPreviewUpdate) {
+    edge.news.updates.push_back(std::move(said.bytes));
+  } else if (what == subject::kPreviewMerged) {
+    edge.news.merged.push_back(std::move(said.bytes));
+  } else if (what == subject::kPreviewEnd) {
+    tiers::RoundNews news = std::exchange(edge.news, {});
+    news.is_anew = said.bytes == "anew";
+    if (phase == Phase::collecting) rounds.receive(news, id);
+  } else if (what == subject::kFinalUpdate || what == subject::kMerged) {
+    edge.finals.emplace_back(what, std::move(said.bytes));
+  } else if (what == subject::kRobotMap || what == subject::kRobotReport) {
+    take_robot(id, said);
+  } else if (what == subject::kFused) {
+    const std::lock_guard lock(mutex);
+    edge.has_fused = true;
+  } else if (what == subject::kJudged) {
+    edge.has_judged = true;
+  } else if (what == subject::kWholeMaps) {
+    edge.sent_whole = true;
+  } else {
+    throw Error(ErrorCode::kBadInput, "an edge does not say '" + what + "'");
+  }
+}
+
+void LiveCloud::State::take_robot(const TierId& id, const Said& said) {
+  const std::string where = "edge " + id.str();
+  const auto expect_its = [&](const RobotId& robot) {
+    const auto planned = std::find_if(site.plan.robots.begin(), site.plan.robots.end(),
+                                      [&](const PlannedRobot& one) { return one.id == robot; });
+    if (planned == site.plan.robots.end() || planned->edge != id)
+      throw Error(ErrorCode::kBadInput, "robot '" + robot.str() + "' is not its own", where);
+  };
+  if (said.subject == subject::kRobotReport) {
+    RobotRecord record = decode_robot_record(said.bytes, where);
+    expect_its(record.robot);
+    const RobotId robot = record.robot;
+    records.insert_or_assign(robot, std::move(record));
+    return;
+  }
+  const MapUpdate update = decode_map_update(said.bytes, where);
+  const RobotId robot(update.origin.map.str());
+  expect_its(robot);
+  Map map;
+  map.id = update.origin.map;
+  maps.insert_or_assign(robot, updated(std::move(map), update));
+}
+
+void LiveCloud::State::preview() {
+  if (!rounds.has_news()) return;
+  const std::unique_ptr<Progress> silent = make_silent_progress();
+  std::vector<std::vector<MapId>> joint;
+  try {
+    for (const fusion::Component& component : rounds.fuse(site.pool, *silent).components)
+      if (component.members.size() > 1) joint.push_back(component.members);
+  } catch (const Interrupted&) {  // who was told to end ends this
+    return;
+  }
+  const std::lock_guard lock(mutex);
+  if (joint != counts.joint)
+    for (const std::vector<MapId>& members : joint) {
+      std::string names;
+      for (const MapId& id : members) names += (names.empty() ? "" : " + ") + id.str();
+      site.progress.say("the cloud's preview: one map of " + names);
+    }
+  ++counts.previews;
+  counts.joint = std::move(joint);
+  counts.maps = rounds.maps().size();
+}
+
+void LiveCloud::State::ask(const TierId& edge, std::vector<std::pair<std::string, std::string>> words) {
+  const std::lock_guard lock(mutex);
+  auto& requests = edges.at(edge).requests;
+  std::move(words.begin(), words.end(), std::back_inserter(requests));
+  changed.notify_all();
+}
+
+bool LiveCloud::State::have_answered(bool Edge::*answer) {
+  return std::all_of(asked.begin(), asked.end(), [&](const TierId& id) { return edges.at(id).*answer; });
+}
+
+// In the order of edges, as one process would.
+void LiveCloud::State::give_finals() {
+  for (auto& [id, edge] : edges)
+    for (const auto& [what, bytes] : std::exchange(edge.finals, {})) try {
+        if (what == subject::kMerged)
+          team.cloud().receive_merged(bytes, "edge " + id.str());
+        else
+          team.cloud().receive(bytes, "update of edge " + id.str());
+      } catch (const Error& error) {
+        log(LogLevel::warning, "what edge " + id.str() + " sent is left out: " + error.what());
+        const std::lock_guard lock(mutex);
+        ++counts.unreadable;
+      }
+}
+
+std::vector<std::optional<RobotResult>> LiveCloud::State::robots() {
+  std::vector<std::optional<RobotResult>> results;
+  for (const PlannedRobot& robot : site.plan.robots) {
+    const auto record = records.find(robot.id);
+    const auto map = maps.find(robot.id);
+    RobotRecord none;
+    none.robot = robot.id;
+    none.trouble = Error(ErrorCode::kMissing, "its map never came", "edge " + robot.edge.str(),
+                         "let its robot and its edge end before the cloud does");
+    if (record == records.end()) notes.push_back("robot " + robot.id.str() + ": its map never came from its edge");
+    results.push_back(result_of(record == records.end() ? std::move(none) : record->second,
+                                map == maps.end() ? std::nullopt : std::optional(std::move(map->second)), robot,
+                                site.configuration));
+    if (record != records.end() && record->second.lost_scans > 0)
+      notes.push_back("robot " + robot.id.str() + ": " + std::to_string(record->second.lost_scans) + " of " +
+                      std::to_string(record->second.scans + record->second.lost_scans) + " scans were lost on the way");
+  }
+  return results;
+}
+
+// One step to the end, if it can be made.
+bool LiveCloud::State::advance() {
+  bool has_all = true, is_forced = false;
+  {
+    const std::lock_guard lock(mutex);
+    for (const auto& entry : edges) has_all = has_all && entry.second.has_fused;
+    is_forced = seals_now;
+  }
+  switch (phase) {
+    case Phase::collecting:
+      if (!has_all && !is_forced) return false;
+      begin_sealing();
+      phase = Phase::judging;
+      return true;
+    case Phase::judging:
+      if (!have_answered(&Edge::has_judged) && !is_forced) return false;
+      seal();
+      phase = Phase::completing;
+      return true;
+    case Phase::completing:
+      if (!have_answered(&Edge::sent_whole) && !is_forced) return false;
+      finish();
+      phase = Phase::done;
+      return false;
+    case Phase::done: break;
+  }
+  return false;
+}
+
+void LiveCloud::State::begin_sealing() {
+  std::set<TierId> fused;
+  {
+    const std::lock_guard lock(mutex);
+    counts.is_sealing = true;
+    for (const auto& [id, edge] : edges)
+      if (edge.has_fused) fused.insert(id);
+  }
+  site.progress.say("the cloud: all maps are here; it merges them");
+  give_finals();
+  team.take_robots(robots());
+  if (!site.configuration.cloud.edges_judge) return;
+  for (const auto& [id, task] : team.cloud().judging_tasks(fused, site.pool)) {
+    std::vector<std::pair<std::string, std::string>> words{{subject::kJudgeMap, ""}};
+    for (const std::string& update : task.updates) words.emplace_back(subject::kJudgeMap, update);
+    words.emplace_back(subject::kJudge, task.pairs);
+    ask(id, std::move(words));
+    asked.insert(id);
+  }
+}
+
+void LiveCloud::State::seal() {
+  give_finals();
+  asked.clear();
+  if (maps.empty()) return;
+  sealed = team.cloud().seal(site.pool, site.progress);
+  for (const auto& [id, wanted] : team.cloud().wanted_as_whole(sealed)) {
+    std::string names;
+    for (const MapId& map : wanted) names += map.str() + "\n";
+    ask(id, {{subject::kWanted, names}});
+    notes.push_back("edge " + id.str() + " merged maps that the cloud takes apart again; it sent them as a whole");
+    asked.insert(id);
+  }
+}
+
+void LiveCloud::State::finish() {
+  give_finals();
+  if (!asked.empty()) sealed = team.cloud().seal(site.pool, site.progress);
+  Report done = team.conclude(std::move(sealed), notes);
+  for (const auto& entry : edges) ask(entry.first, {{subject::kDone, ""}});
+  const std::lock_guard lock(mutex);
+  counts.is_done = true;
+  report = std::move(done);
+  changed.notify_all();
+}
+
+}  // namespace mapweave::runtime

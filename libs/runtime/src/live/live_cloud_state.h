@@ -1,0 +1,111 @@
+#pragma once
+// What a live cloud consists of: one thread that speaks with edges (live_cloud.cpp), and one that merges
+// (live_cloud_maps.cpp).
+
+#include "numbered_wire.h"
+#include "robot_record.h"
+
+#include "../journal_saver.h"
+#include "../team_run.h"
+
+#include <mapweave/runtime/live_cloud.h>
+#include <mapweave/tiers/round_merger.h>
+
+#include <condition_variable>
+#include <list>
+#include <mutex>
+#include <set>
+#include <thread>
+
+namespace mapweave::runtime {
+
+struct LiveCloud::State {
+  struct Edge {
+    // Under `mutex`.
+    std::optional<SessionId> session;
+    std::uint64_t taken = 0, stored = 0, runs = 0;
+    std::vector<std::pair<std::string, std::string>> requests;  // all: an edge that begins anew gets them again
+    bool has_fused = false, has_all = false;
+    std::deque<Said> said;      // for the merging thread
+    bool is_forgotten = false;  // of its previews nothing counts any more
+    // Of the merging thread.
+    tiers::RoundNews news;
+    std::vector<std::pair<std::string, std::string>> finals;  // not given to the merger yet
+    bool has_judged = false, sent_whole = false;
+  };
+  struct Link {
+    std::optional<NumberedWire> wire;
+    Edge* edge = nullptr;
+    bool is_closed = false;
+    std::size_t asked = 0;  // requests of the edge that were said on it
+  };
+  enum class Phase { collecting, judging, completing, done };
+
+  const LiveSite site;
+  const RunSettings settings;
+  const Hash agreement;
+  const std::int64_t began;
+
+  mutable std::mutex mutex;
+  const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
+  std::condition_variable& changed = *woken;
+  std::map<TierId, Edge> edges;
+  std::list<Link> links;
+  LiveCloudCounts counts;
+  std::set<Hash> known;  // what came already, whatever its number
+  bool seals_now = false, ends = false;
+  std::optional<Report> report;
+  std::exception_ptr trouble;
+
+  std::mutex stored_mutex;  // after `mutex` by who takes both
+  struct Stored {
+    Edge* edge;
+    SessionId session;
+    std::uint64_t number;
+  };
+  std::vector<Stored> newly_stored;
+  std::optional<mapdb::UpdateJournal> journal;
+  std::optional<JournalSaver> saver;
+
+  // Of the merging thread.
+  Phase phase = Phase::collecting;
+  TeamRun team;
+  std::map<RobotId, Map> maps;
+  std::map<RobotId, RobotRecord> records;
+  fusion::FusionResult sealed;
+  std::vector<std::string> notes;
+  std::set<TierId> asked;  // of them an answer is awaited
+  tiers::RoundMerger rounds;
+
+  std::thread speaker, merger;
+
+  State(const LiveSite& of, const RunSettings& how);
+  ~State();
+
+  // --- Links, under `mutex`.
+  void speak();
+  void step(Clock::time_point now);
+  void replay();
+  std::uint64_t greet(Link& link, const Hello& hello);
+  void take(Link& link, Said said);
+  bool is_new(const Said& said);
+  void say_requests(Link& link);
+  void say_who_is_missing() const;
+
+  // --- Merging.
+  void merge();
+  void take_said();
+  void take(const TierId& id, Edge& edge, Said said);
+  void take_robot(const TierId& id, const Said& said);
+  void preview();
+  bool advance();
+  void begin_sealing();
+  void seal();
+  void finish();
+  void give_finals();
+  std::vector<std::optional<RobotResult>> robots();
+  void ask(const TierId& edge, std::vector<std::pair<std::string, std::string>> words);
+  bool have_answered(bool Edge::*answer);
+};
+
+}  // namespace mapweave::runtime

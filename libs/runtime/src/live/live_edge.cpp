@@ -1,0 +1,268 @@
+#include "live_edge_state.h"
+
+#include <mapweave/core/log.h>
+#include <mapweave/mapdb/update_journal.h>
+#include <mapweave/tiers/subjects.h>
+#include <mapweave/transport/in_process_channel.h>
+
+#include <algorithm>
+
+namespace mapweave::runtime {
+namespace {
+
+constexpr std::chrono::milliseconds kStep{20};
+constexpr std::size_t kMostLinks = 1000;
+constexpr char kEdge[] = "edge";
+
+std::int64_t now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace
+
+LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
+    : edge(id), site(of), to_cloud(std::move(connect)), agreement(agreement_of(of.configuration)), began(now_ns()) {
+  for (const PlannedRobot& planned : site.plan.robots)
+    if (planned.edge == edge) robots[planned.id].planned = &planned;
+  if (robots.empty()) {
+    std::string names;
+    for (const TierId& one : site.plan.edges) names += (names.empty() ? "" : ", ") + one.str();
+    throw Error(ErrorCode::kBadInput, "no robot has the edge '" + edge.str() + "'", {},
+                "the edges of this configuration are: " + names);
+  }
+  if (site.journal) journal.emplace(*site.journal);
+  for (auto& [name, robot] : robots) robot.record.robot = name;
+  cloud.emplace(SessionId{{RobotId(edge.str()), SensorId(kEdge)}, began}, agreement, "the cloud", site.options.wire,
+                WireHooks{[](const Hello&) { return std::uint64_t{0}; },
+                          [this](Said said) {
+                            cloud->store(said.number);  // it asks again who began anew
+                            requests.push_back(std::move(said));
+                          },
+                          [this] { begin_anew_with_cloud(); }});
+  for (auto& [name, robot] : robots) robot.mapper = std::thread([this, &robot = robot] { map(robot); });
+  speaker = std::thread([this] { speak(); });
+  merger = std::thread([this] { merge(); });
+}
+
+LiveEdge::State::~State() {
+  {
+    const std::lock_guard lock(mutex);
+    ends = true;
+    changed.notify_all();
+  }
+  speaker.join();
+  merger.join();
+  for (auto& [name, robot] : robots) robot.mapper.join();
+  if (saver) saver->finish();
+}
+
+// Under another number of its run, so that nothing said before is taken for it.
+void LiveEdge::State::begin_anew_with_cloud() {
+  SessionId self = cloud->self();
+  ++self.run;
+  cloud->begin_anew(self);
+  begins_rounds = true;
+  for (const auto& [subject, bytes] : finals) cloud->append(subject, bytes);
+}
+
+void LiveEdge::State::replay() {
+  try {
+    if (journal)
+      journal->replay([&](const mapdb::JournalEntry& entry) {
+        if (entry.vetoed || ends) return;
+        Sensed sensed = decode_sensed(entry.update, site.journal->string());
+        std::unique_lock lock(mutex);
+        const auto known = robots.find(sensed.robot);
+        if (known == robots.end()) return;  // the configuration has no such robot any more
+        Robot& robot = known->second;
+        if (sensed.sequence != robot.taken + 1 || (robot.session && *robot.session != entry.from))
+          throw Error(ErrorCode::kCorrupt,
+                      "message " + std::to_string(sensed.sequence) + " of robot '" + sensed.robot.str() +
+                          "' does not follow number " + std::to_string(robot.taken),
+                      site.journal->string(), "begin another journal; robots that are still there send all again");
+        robot.session = entry.from;
+        robot.taken = robot.stored = sensed.sequence;
+        keep(robot, std::move(sensed), entry.update.size());
+        const std::size_t most = site.options.edge_queue_bytes();
+        changed.wait(lock, [&] { return ends || robot.queue_bytes < most; });
+      });
+  } catch (const std::exception& error) {
+    log(LogLevel::error, "edge " + edge.str() + ": " + error.what());
+    const std::lock_guard lock(mutex);
+    counts.trouble = error.what();
+  }
+  constexpr std::uint64_t kNeverLong = std::uint64_t{1} << 62;
+  saver.emplace(std::move(journal), kNeverLong, [] {});
+}
+
+void LiveEdge::State::keep(Robot& robot, Sensed sensed, std::size_t bytes) {
+  robot.queue_bytes += bytes;
+  robot.queue.emplace_back(std::move(sensed), bytes);
+  changed.notify_all();
+}
+
+std::uint64_t LiveEdge::State::greet(Link& link, const Hello& hello) {
+  try {
+    const SessionId& session = hello.session;
+    const auto known = robots.find(session.client.robot);
+    if (known == robots.end()) {
+      std::string names;
+      for (const auto& entry : robots) names += (names.empty() ? "" : ", ") + entry.first.str();
+      throw Error(ErrorCode::kBadInput, "'" + session.client.robot.str() + "' is no robot of edge '" + edge.str() + "'",
+                  {}, "its robots are: " + names);
+    }
+    if (!counts.trouble.empty()) throw Error(ErrorCode::kCannotWrite, counts.trouble);
+    Robot& robot = known->second;
+    if (robot.session && *robot.session != session)
+      throw Error(ErrorCode::kBadInput,
+                  "robot '" + session.client.robot.str() + "' is here already, as " + to_string(*robot.session) +
+                      "; this one is " + to_string(session),
+                  {}, "give one of the two another name, or begin a new deployment for a new recording");
+    for (Link& other : links)
+      if (&other != &link && other.robot == &robot && !other.is_closed && other.wire->is_open()) {
+        log(LogLevel::warning, "edge " + edge.str() + ": robot " + session.client.robot.str() +
+                                   " came on another wire; the one before is closed");
+        other.is_closed = true;
+      }
+    robot.session = session;
+    link.robot = &robot;
+    return robot.stored;
+  } catch (const Error&) {
+    ++counts.refused;
+    throw;
+  }
+}
+
+void LiveEdge::State::take(Link& link, const Said& said) {
+  Robot& robot = *link.robot;
+  if (said.number <= robot.taken) return;  // on a wire before
+  if (said.subject != tiers::subject::kSensed)
+    throw Error(ErrorCode::kBadInput, "a robot does not say '" + said.subject + "'");
+  Sensed sensed = decode_sensed(said.bytes, "what robot " + robot.planned->id.str() + " sensed");
+  if (sensed.robot != robot.planned->id || sensed.sequence != said.number)
+    throw Error(ErrorCode::kBadInput,
+                "it says that it is of robot '" + sensed.robot.str() + "', number " + std::to_string(sensed.sequence));
+  robot.taken = said.number;
+  saver->save({{*robot.session, said.bytes}}, [this, &robot, number = said.number] {
+    const std::lock_guard lock(stored_mutex);
+    newly_stored.emplace_back(&robot, number);
+    changed.notify_all();
+  });
+  keep(robot, std::move(sensed), said.bytes.size());
+}
+
+void LiveEdge::State::step(Clock::time_point now) {
+  {
+    const std::lock_guard lock(stored_mutex);
+    for (const auto& [robot, number] : newly_stored) robot->stored = std::max(robot->stored, number);
+    newly_stored.clear();
+  }
+  const std::size_t most = site.options.edge_queue_bytes();
+  for (Link& link : links) {
+    if (link.robot != nullptr) link.wire->store(link.robot->stored);
+    if (!link.is_closed) link.wire->step(now, link.robot != nullptr && link.robot->queue_bytes >= most);
+    link.is_closed = link.is_closed || !link.wire->is_open();
+  }
+  for (Link& link : links) {
+    if (!link.is_closed) continue;
+    link.wire->close();
+    counts.unreadable += link.wire->counts().unreadable;
+    counts.again += link.wire->counts().again;
+  }
+  links.remove_if([](const Link& link) { return link.is_closed; });
+  if (saver) {
+    const std::string trouble = saver->trouble();
+    if (!trouble.empty()) counts.trouble = trouble;
+  }
+}
+
+void LiveEdge::State::step_cloud(std::unique_lock<std::mutex>& lock, Clock::time_point now) {
+  if (!cloud->is_open()) {
+    lock.unlock();
+    std::shared_ptr<transport::Channel> channel = to_cloud();
+    if (channel) channel->set_listener([woken = woken] { woken->notify_all(); });
+    lock.lock();
+    if (channel && !channel->is_closed()) cloud->use(std::move(channel));
+  }
+  cloud->step(now, false);
+}
+
+void LiveEdge::State::say_who_is_missing() const {
+  for (const auto& [name, robot] : robots) {
+    const bool is_here = std::any_of(links.begin(), links.end(), [&robot = robot](const Link& link) {
+      return link.robot == &robot && !link.is_closed;
+    });
+    if (!is_here && !robot.has_ended)
+      log(LogLevel::warning, "edge " + edge.str() + " waits for robot " + name.str() + ": it is not on the wire");
+  }
+  if (!cloud->is_welcome() && !counts.is_done)
+    log(LogLevel::warning, "edge " + edge.str() + ": the cloud does not answer; what is for it is kept");
+}
+
+void LiveEdge::State::speak() {
+  replay();
+  std::unique_lock lock(mutex);
+  auto said = Clock::now();
+  while (!ends) {
+    const auto now = Clock::now();
+    step(now);
+    step_cloud(lock, now);
+    if (std::chrono::duration<double>(now - said).count() >= site.options.patience_s) {
+      said = now;
+      say_who_is_missing();
+    }
+    changed.wait_for(lock, kStep);
+  }
+}
+
+LiveEdge::LiveEdge(TierId edge, const LiveSite& site, Connect to_cloud)
+    : state_(new State(edge, site, std::move(to_cloud))) {}
+LiveEdge::~LiveEdge() = default;
+
+std::shared_ptr<transport::Channel> LiveEdge::connect() {
+  const auto channel = transport::make_in_process_channel({state_->site.options.edge_queue_bytes()});
+  serve(channel.second);
+  return channel.first;
+}
+
+void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
+  State& state = *state_;
+  robot->set_listener([woken = state.woken] { woken->notify_all(); });
+  const std::lock_guard lock(state.mutex);
+  if (state.links.size() >= kMostLinks) return robot->close();
+  State::Link& link = state.links.emplace_back();
+  link.wire.emplace(SessionId{{RobotId(state.edge.str()), SensorId(kEdge)}, state.began}, state.agreement, "a robot",
+                    state.site.options.wire,
+                    WireHooks{[&state, &link](const Hello& hello) { return state.greet(link, hello); },
+                              [&state, &link](const Said& said) { state.take(link, said); }});
+  link.wire->use(std::move(robot));
+}
+
+LiveEdgeCounts LiveEdge::counts() const {
+  const State& state = *state_;
+  const std::lock_guard lock(state.mutex);
+  LiveEdgeCounts counts = state.counts;
+  counts.waiting_bytes = state.cloud->waiting_bytes();
+  for (const State::Link& link : state.links) {
+    counts.unreadable += link.wire->counts().unreadable;
+    counts.again += link.wire->counts().again;
+  }
+  for (const auto& [name, robot] : state.robots) {
+    LiveEdgeCounts::Robot& one = counts.robots.emplace_back();
+    one.id = name;
+    one.taken = robot.taken;
+    one.stored = robot.stored;
+    one.mapped = robot.mapped;
+    one.scans = robot.scans;
+    one.lost_scans = robot.lost_scans;
+    one.queue_bytes = robot.queue_bytes;
+    one.has_ended = robot.has_ended;
+    one.is_on_wire = std::any_of(state.links.begin(), state.links.end(), [&robot = robot](const State::Link& link) {
+      return link.robot == &robot && !link.is_closed;
+    });
+  }
+  return counts;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,278 @@
+#include "live_edge_state.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/core/log.h>
+#include <mapweave/laser/engines.h>
+#include <mapweave/runtime/merge_requests.h>
+#include <mapweave/runtime/metrics.h>
+#include <mapweave/tiers/subjects.h>
+
+#include <algorithm>
+
+namespace mapweave::runtime {
+
+namespace subject = tiers::subject;
+
+void LiveEdge::State::map(Robot& robot) {
+  std::unique_lock lock(mutex);
+  while (true) {
+    changed.wait(lock, [&] { return ends || !robot.queue.empty(); });
+    if (ends) return;
+    auto [sensed, bytes] = std::move(robot.queue.front());
+    robot.queue.pop_front();
+    const SessionId session = *robot.session;
+    lock.unlock();
+    const bool is_scan = std::holds_alternative<PackedScan>(sensed.body),
+               is_lost = std::holds_alternative<LostScan>(sensed.body);
+    std::optional<tiers::RobotOutcome> outcome;
+    try {
+      if (robot.began == Clock::time_point{}) begin(robot, session);
+      outcome = step(robot, std::move(sensed), bytes);
+    } catch (const Error& error) {  // its engine cannot be started
+      if (!robot.has_outcome) outcome = tiers::RobotOutcome{robot.planned->id, std::nullopt, error};
+    } catch (const Interrupted& interrupted) {
+      if (!robot.has_outcome)
+        outcome = tiers::RobotOutcome{
+            robot.planned->id, std::nullopt,
+            Error(ErrorCode::kHelperFailed, interrupted.message(), "robot " + robot.planned->id.str())};
+    }
+    if (outcome) complete(robot, *outcome);
+    lock.lock();
+    robot.queue_bytes -= bytes;
+    ++robot.mapped;
+    robot.scans += is_scan ? 1 : 0;
+    robot.lost_scans += is_lost ? 1 : 0;
+    if (outcome) {
+      robot.outcome = std::move(outcome);
+      robot.has_ended = true;
+      site.progress.say("edge " + edge.str() + ": robot " + robot.planned->id.str() + " has ended; " +
+                        std::to_string(robot.scans) + " scans are mapped");
+    }
+    changed.notify_all();
+  }
+}
+
+void LiveEdge::State::begin(Robot& robot, const SessionId& session) const {
+  robot.began = Clock::now();
+  robot.record.sensor = session.client.sensor.str();
+  const RunConfiguration& configuration = configuration_of(site.configuration, *robot.planned);
+  auto mapper = laser::make_laser_mapper({robot.planned->robot(), session.client.sensor}, configuration.laser,
+                                         configuration.seed);
+  const std::lock_guard lock(robot.slam_mutex);
+  robot.slam.emplace(robot.planned->id, std::move(mapper));
+}
+
+std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed sensed, std::size_t bytes) {
+  RobotRecord& record = robot.record;
+  const double before_s = thread_cpu_seconds();
+  record.sensed_bytes += bytes;
+  if (std::holds_alternative<LostScan>(sensed.body)) ++record.lost_scans;
+  if (std::holds_alternative<PackedScan>(sensed.body)) {
+    ++record.scans;
+    if (!robot.first_scan) robot.first_scan = sensed.stamp;
+    robot.last_scan = sensed.stamp;
+  }
+  if (const auto* wheels = std::get_if<Pose3>(&sensed.body)) record.odometry.push_back({sensed.stamp, *wheels});
+  if (const auto* end = std::get_if<StreamEnd>(&sensed.body)) {
+    record.notes = end->notes;
+    record.log = end->log;
+    record.log_sha256 = end->log_sha256;
+  }
+  std::optional<tiers::RobotOutcome> outcome;
+  if (robot.slam) {
+    const std::lock_guard lock(robot.slam_mutex);
+    outcome = robot.slam->step(std::move(sensed));
+    for (const laser::LivePose& pose : robot.slam->take_live_poses())
+      if (pose.is_matched) record.live.push_back({pose.stamp, pose.map_from_robot});
+  }
+  record.mapping_s += thread_cpu_seconds() - before_s;
+  return outcome;
+}
+
+void LiveEdge::State::complete(Robot& robot, const tiers::RobotOutcome& outcome) {
+  RobotRecord& record = robot.record;
+  robot.has_outcome = true;
+  if (robot.first_scan) record.log_s = seconds_between(*robot.first_scan, *robot.last_scan);
+  record.wall_s = std::chrono::duration<double>(Clock::now() - robot.began).count();
+  record.helper_s = outcome.helper_cpu_seconds;
+  record.trouble = outcome.trouble;
+  for (const std::string& note : outcome.notes)
+    record.notes.push_back("robot " + robot.planned->id.str() + ": " + note);
+}
+
+bool LiveEdge::State::have_all_ended() const {
+  return std::all_of(robots.begin(), robots.end(), [](const auto& entry) { return entry.second.has_ended; });
+}
+
+void LiveEdge::State::merge() {
+  const auto period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(site.options.preview_period_s));
+  auto next = Clock::now() + period;
+  std::unique_lock lock(mutex);
+  while (!ends) {
+    changed.wait_until(lock, next, [&] {
+      return ends || (have_all_ended() && !counts.is_fused) || (counts.is_fused && !requests.empty());
+    });
+    if (ends) return;
+    try {
+      if (have_all_ended() && !counts.is_fused) {
+        lock.unlock();
+        fuse_all();
+        lock.lock();
+      } else if (counts.is_fused && !requests.empty()) {
+        const Said request = std::move(requests.front());
+        requests.pop_front();
+        lock.unlock();
+        answer(request);
+        lock.lock();
+      } else if (Clock::now() >= next) {
+        const bool is_fused = counts.is_fused;
+        lock.unlock();
+        if (!is_fused) preview();
+        lock.lock();
+        next = Clock::now() + period;
+      }
+    } catch (const Interrupted&) {  // who was told to end ends this
+      if (!lock.owns_lock()) lock.lock();
+      next = Clock::now() + period;
+    } catch (const std::exception& error) {
+      if (!lock.owns_lock()) lock.lock();
+      log(LogLevel::error, "edge " + edge.str() + ": " + error.what());
+      counts.trouble = error.what();
+      next = Clock::now() + period;
+      changed.wait_until(lock, next, [&] { return ends.load(); });
+    }
+  }
+}
+
+std::vector<fusion::MapPrior> LiveEdge::State::priors(const std::vector<const Map*>& maps) const {
+  std::vector<StartedMap> started;
+  for (const Map* map : maps)
+    for (const auto& [name, robot] : robots)
+      if (map->id == MapId(name.str())) started.push_back({map, robot_entry(site.configuration, name).start});
+  return priors_of_starts(started);
+}
+
+// Of robots whose instance has time to say.
+void LiveEdge::State::read_parts() {
+  for (auto& [name, robot] : robots) {
+    Map part;
+    {
+      const std::unique_lock lock(robot.slam_mutex, std::try_to_lock);
+      if (lock.owns_lock() && robot.slam) part = tiers::growing_part(robot.slam->map_so_far());
+    }
+    if (part.empty()) continue;
+    part.id = MapId(name.str());
+    parts[name] = std::move(part);
+  }
+}
+
+void LiveEdge::State::preview() {
+  bool is_anew = false;
+  {
+    const std::lock_guard lock(mutex);
+    is_anew = std::exchange(begins_rounds, false);
+  }
+  if (!rounds || is_anew) {
+    rounds.emplace(edge, site.configuration.fusion);
+    is_anew = true;
+  }
+  read_parts();
+  std::vector<const Map*> maps;
+  for (const auto& [name, part] : parts) {
+    rounds->put(part);
+    maps.push_back(&part);
+  }
+  if (!rounds->has_news()) return;
+  rounds->set_priors(priors(maps));
+  const std::unique_ptr<Progress> silent = make_silent_progress();
+  std::vector<std::vector<MapId>> joint;
+  for (const fusion::Component& component : rounds->fuse(site.pool, *silent).components)
+    if (component.members.size() > 1) joint.push_back(component.members);
+  const std::lock_guard lock(mutex);
+  ++counts.previews;
+  counts.joint = std::move(joint);
+  // What is new goes up later where much waits already.
+  if (begins_rounds || cloud->waiting_bytes() >= site.options.wire.window_bytes()) {
+    begins_rounds = begins_rounds || is_anew;
+    return;
+  }
+  tiers::RoundNews news = rounds->news();
+  for (std::string& update : news.updates) cloud->append(subject::kPreviewUpdate, std::move(update));
+  for (std::string& merged : news.merged) cloud->append(subject::kPreviewMerged, std::move(merged));
+  cloud->append(subject::kPreviewEnd, news.is_anew || is_anew ? "anew" : "");
+  changed.notify_all();
+}
+
+void LiveEdge::State::say(const std::string& subject, std::string bytes) {
+  const std::lock_guard lock(mutex);
+  cloud->append(subject, std::move(bytes));
+  changed.notify_all();
+}
+
+void LiveEdge::State::fuse_all() {
+  site.progress.say("edge " + edge.str() + ": all of its robots have ended; it merges their maps");
+  std::vector<RobotId> members;
+  std::vector<const Map*> maps;
+  std::set<std::pair<MapId, MapId>> refused;
+  for (const auto& [name, robot] : robots) {
+    members.push_back(name);
+    if (robot.outcome->map) maps.push_back(&*robot.outcome->map);
+  }
+  for (const auto& [a, b] : site.plan.refused) refused.insert(std::minmax(MapId(a.str()), MapId(b.str())));
+  server.emplace(edge, members, site.configuration.fusion, site.configuration.cloud.maps);
+  server->set_priors(priors(maps));
+  server->set_refused(std::move(refused));
+  std::vector<std::pair<std::string, std::string>> made;
+  for (auto& [name, robot] : robots) {
+    tiers::EdgeServer::Effects effects = server->step(*robot.outcome, site.pool, site.progress);
+    robot.record.map_bytes = effects.map_bytes;
+    for (std::string& update : effects.for_cloud) made.emplace_back(subject::kFinalUpdate, std::move(update));
+    for (std::string& merged : effects.merged) made.emplace_back(subject::kMerged, std::move(merged));
+  }
+  for (auto& [name, robot] : robots) {
+    if (robot.outcome->map) made.emplace_back(subject::kRobotMap, tiers::first_update(*robot.outcome->map, edge));
+    made.emplace_back(subject::kRobotReport, encode(robot.record));
+    robot.outcome.reset();  // the server has it
+  }
+  made.emplace_back(subject::kFused, "");
+  const std::lock_guard lock(mutex);
+  for (auto& [subject, bytes] : made) cloud->append(subject, bytes);
+  finals = std::move(made);
+  counts.is_fused = true;
+  changed.notify_all();
+}
+
+void LiveEdge::State::answer(const Said& request) {
+  if (request.subject == subject::kDone) {
+    const std::lock_guard lock(mutex);
+    counts.is_done = true;
+    changed.notify_all();
+  } else if (request.subject == subject::kJudgeMap) {
+    if (request.bytes.empty())
+      task = {};  // a task begins
+    else
+      task.updates.push_back(request.bytes);
+  } else if (request.subject == subject::kJudge) {
+    task.pairs = request.bytes;
+    try {
+      for (std::string& update : server->step(std::exchange(task, {}), site.pool, site.progress).for_cloud)
+        say(subject::kFinalUpdate, std::move(update));
+    } catch (const Error& error) {  // the cloud judges itself what nobody judged
+      log(LogLevel::warning, "edge " + edge.str() + " cannot judge what the cloud asks: " + error.what());
+    }
+    say(subject::kJudged, "");
+  } else if (request.subject == subject::kWanted) {
+    std::vector<MapId> maps;
+    for (std::size_t begin = 0; begin < request.bytes.size();) {
+      const std::size_t end = std::min(request.bytes.find('\n', begin), request.bytes.size());
+      const std::string name = request.bytes.substr(begin, end - begin);
+      if (is_valid_name(name)) maps.emplace_back(name);
+      begin = end + 1;
+    }
+    for (std::string& update : server->whole_maps(maps).for_cloud) say(subject::kFinalUpdate, std::move(update));
+    say(subject::kWholeMaps, "");
+  }
+}
+
+}  // namespace mapweave::runtime

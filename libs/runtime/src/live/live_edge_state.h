@@ -1,0 +1,107 @@
+#pragma once
+// What a live edge consists of: one thread that speaks with robots and the cloud (live_edge.cpp), one that maps for
+// each robot, and one that merges (live_edge_maps.cpp).
+
+#include "numbered_wire.h"
+#include "robot_record.h"
+
+#include "../journal_saver.h"
+
+#include <mapweave/runtime/live_edge.h>
+#include <mapweave/tiers/edge_server.h>
+#include <mapweave/tiers/round_merger.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <list>
+#include <mutex>
+#include <thread>
+
+namespace mapweave::runtime {
+
+struct LiveEdge::State {
+  struct Robot {
+    const PlannedRobot* planned = nullptr;
+    // Under `mutex`.
+    std::optional<SessionId> session;
+    std::uint64_t taken = 0, stored = 0, mapped = 0, scans = 0, lost_scans = 0;
+    std::deque<std::pair<Sensed, std::size_t>> queue;  // with their bytes
+    std::size_t queue_bytes = 0;
+    std::optional<tiers::RobotOutcome> outcome;
+    bool has_ended = false;
+    // Of its thread, but for `slam` under slam_mutex.
+    std::mutex slam_mutex;
+    std::optional<tiers::RobotSlam> slam;
+    RobotRecord record;
+    std::optional<Stamp> first_scan, last_scan;
+    Clock::time_point began{};
+    bool has_outcome = false;
+    std::thread mapper;
+  };
+  struct Link {
+    std::optional<NumberedWire> wire;
+    Robot* robot = nullptr;  // once it said hello
+    bool is_closed = false;
+  };
+
+  const TierId edge;
+  const LiveSite site;
+  const Connect to_cloud;
+  const Hash agreement;
+  const std::int64_t began;  // which run of this edge it is, for the cloud
+
+  mutable std::mutex mutex;
+  const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
+  std::condition_variable& changed = *woken;  // channels may outlive the edge
+  std::map<RobotId, Robot> robots;
+  std::list<Link> links;
+  std::optional<NumberedWire> cloud;
+  LiveEdgeCounts counts;
+  std::deque<Said> requests;                                // of the cloud
+  std::vector<std::pair<std::string, std::string>> finals;  // what the final map rests on: subjects and bytes
+  bool begins_rounds = false;                               // the cloud knows of no preview
+  std::atomic<bool> ends{false};
+
+  std::mutex stored_mutex;  // after `mutex` by who takes both
+  std::vector<std::pair<Robot*, std::uint64_t>> newly_stored;
+  std::optional<mapdb::UpdateJournal> journal;
+  std::optional<JournalSaver> saver;
+
+  // Of the merging thread.
+  std::map<RobotId, Map> parts;  // maps so far
+  std::optional<tiers::RoundMerger> rounds;
+  std::optional<tiers::EdgeServer> server;
+  tiers::JudgingTask task;
+
+  std::thread speaker, merger;
+
+  State(TierId id, const LiveSite& of, Connect connect);
+  ~State();
+
+  // --- Links, under `mutex`.
+  void speak();
+  void step(Clock::time_point now);
+  void step_cloud(std::unique_lock<std::mutex>& lock, Clock::time_point now);
+  std::uint64_t greet(Link& link, const Hello& hello);
+  void take(Link& link, const Said& said);
+  void keep(Robot& robot, Sensed sensed, std::size_t bytes);
+  void begin_anew_with_cloud();
+  void say_who_is_missing() const;
+
+  void replay();
+  void map(Robot& robot);
+  void begin(Robot& robot, const SessionId& session) const;
+  std::optional<tiers::RobotOutcome> step(Robot& robot, Sensed sensed, std::size_t bytes);
+  static void complete(Robot& robot, const tiers::RobotOutcome& outcome);
+
+  void merge();
+  void preview();
+  void read_parts();
+  void fuse_all();
+  void answer(const Said& request);
+  void say(const std::string& subject, std::string bytes);
+  bool have_all_ended() const;
+  std::vector<fusion::MapPrior> priors(const std::vector<const Map*>& maps) const;
+};
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,271 @@
+#include "numbered_wire.h"
+
+#include "../unit_notes.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/interrupt.h>
+#include <mapweave/core/log.h>
+#include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/live_robot.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/tiers/robot_agent.h>
+#include <mapweave/tiers/subjects.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+namespace mapweave::runtime {
+namespace {
+
+constexpr std::chrono::milliseconds kStep{20};
+constexpr std::size_t kReadAhead = std::size_t{4} << 20;  // bytes, where the edge sets the pace
+
+}  // namespace
+
+struct LiveRobot::State {
+  const PlannedRobot robot;
+  const RunConfiguration& configuration;
+  const LiveOptions options;
+  const Connect connect;
+  const SensorId sensor;
+
+  mutable std::mutex mutex;
+  const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
+  std::condition_variable& changed = *woken;  // channels may outlive the robot
+  std::optional<NumberedWire> wire;           // once it is known which run this is
+  LiveRobotCounts counts;
+  bool begins_again = false, ends = false, gives_up = false;
+  std::thread reader, speaker;
+
+  State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, Connect to_edge)
+      : robot(planned),
+        configuration(configuration_of(all, planned)),
+        options(live),
+        connect(std::move(to_edge)),
+        sensor(planned.sensors.scans != nullptr ? std::string(planned.sensors.scans->name) : "laser"),
+        agreement(agreement_of(all)) {}
+  const Hash agreement;
+
+  void read();
+  void play();
+  bool say(Sensed message);
+  void begin(Stamp first);
+  void pace(const Sensed& message, std::optional<std::pair<Stamp, Clock::time_point>>& anchor);
+  void speak();
+  std::optional<Error> play_records(tiers::RobotAgent& agent, UnitNotes& units);
+  StreamEnd last_word(StreamEnd end, const tiers::RobotAgent& agent, const UnitNotes& units) const;
+};
+
+void LiveRobot::State::begin(Stamp first) {
+  const std::lock_guard lock(mutex);
+  if (wire) return;
+  wire.emplace(SessionId{{robot.id, sensor}, first.ns}, agreement, "edge " + robot.edge.str(), options.wire,
+               WireHooks{[](const Hello&) { return std::uint64_t{0}; }, [](const Said&) {},
+                         [this] {
+                           wire->begin_anew({{robot.id, sensor}, wire->self().run});
+                           begins_again = true;
+                           changed.notify_all();
+                         }});
+  changed.notify_all();
+}
+
+// As it was sensed: what the edge has is passed over at once.
+void LiveRobot::State::pace(const Sensed& message, std::optional<std::pair<Stamp, Clock::time_point>>& anchor) {
+  std::unique_lock lock(mutex);
+  const auto must_stop = [&] { return begins_again || ends || gives_up; };
+  if (options.speed > 0.0) {
+    if (message.sequence <= wire->confirmed() || !anchor) {
+      anchor = {message.stamp, Clock::now()};
+      return;
+    }
+    const auto due = anchor->second + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                                          seconds_between(anchor->first, message.stamp) / options.speed));
+    changed.wait_until(lock, due, must_stop);
+  } else {
+    changed.wait(lock, [&] { return must_stop() || wire->waiting_bytes() < kReadAhead; });
+  }
+}
+
+// False: the recording is not read on.
+bool LiveRobot::State::say(Sensed message) {
+  const std::lock_guard lock(mutex);
+  if (begins_again || gives_up) return false;
+  const bool is_scan = std::holds_alternative<PackedScan>(message.body);
+  if (is_scan && wire->waiting_bytes() >= options.robot_buffer_bytes()) {
+    if (counts.lost_scans++ == 0)
+      log(LogLevel::warning, "robot " + robot.id.str() + ": edge " + robot.edge.str() + " has not taken " +
+                                 std::to_string(options.robot_buffer_kb) +
+                                 " kB (live.robot_buffer_kb); scans are lost from now on");
+    message.body = LostScan{};
+  }
+  counts.scans += is_scan ? 1 : 0;
+  counts.messages = message.sequence;
+  wire->append(tiers::subject::kSensed, encode(message));
+  changed.notify_all();
+  return !ends;
+}
+
+std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, UnitNotes& units) {
+  try {
+    if (robot.trouble) throw Error(*robot.trouble);
+    auto log = rawlog::open_log(robot.log, configuration.reading);
+    if (const auto as_scans = robot.sensors.scans->as_scans) log = as_scans(std::move(log));
+    std::optional<std::pair<Stamp, Clock::time_point>> anchor;
+    std::optional<Stamp> first;
+    while (const auto record = log->next()) {
+      units.add(*record);
+      std::optional<Sensed> message = agent.step(*record);
+      {
+        const std::lock_guard lock(mutex);
+        ++counts.records;
+        if (ends || gives_up || begins_again) return std::nullopt;
+      }
+      if (!message) continue;
+      units.look_at(*message);
+      if (!first) begin(*(first = message->stamp));
+      pace(*message, anchor);
+      {
+        const std::lock_guard lock(mutex);
+        counts.recorded_s = seconds_between(*first, message->stamp);
+      }
+      if (!say(std::move(*message))) return std::nullopt;
+    }
+    units.finish();
+  } catch (const Error& error) {
+    return error;
+  } catch (const Interrupted&) {  // the recording ends there
+    const std::lock_guard lock(mutex);
+    ends = true;
+  }
+  return std::nullopt;
+}
+
+StreamEnd LiveRobot::State::last_word(StreamEnd end, const tiers::RobotAgent& agent, const UnitNotes& units) const {
+  end.notes = units.notes();
+  if (const auto note = note_on_packing(robot.id, agent.packer(), configuration.laser)) end.notes.push_back(*note);
+  if (ends) end.notes.push_back("robot " + robot.id.str() + ": its recording was ended on request");
+  if (counts.lost_scans > 0)
+    end.notes.push_back("robot " + robot.id.str() + ": " + std::to_string(counts.lost_scans) +
+                        " scans were lost while its edge did not take what it sensed; a larger live.robot_buffer_kb "
+                        "keeps more");
+  if (end.notes.size() > kMostNotes) end.notes.resize(kMostNotes);
+  try {
+    end.log_sha256 = hash_of_input(robot.log);
+    end.log = robot.log.string();
+  } catch (const Error&) {  // it cannot be read: that is its trouble already
+  }
+  return end;
+}
+
+void LiveRobot::State::play() {
+  tiers::RobotAgent agent(robot.id, laser::scan_input_of(configuration.laser), robot.log.string());
+  UnitNotes units(robot);
+  {
+    const std::lock_guard lock(mutex);
+    const std::uint64_t sent_bytes = counts.sent_bytes;
+    counts = {};
+    counts.sent_bytes = sent_bytes;
+  }
+  std::optional<Error> trouble = play_records(agent, units);
+  {
+    const std::lock_guard lock(mutex);
+    if (gives_up || begins_again) return;
+  }
+  begin({});  // where nothing came
+  Sensed end = agent.end(std::move(trouble));
+  end.body = last_word(std::get<StreamEnd>(end.body), agent, units);
+  say(std::move(end));
+  const std::lock_guard lock(mutex);
+  counts.is_read = !begins_again;
+}
+
+void LiveRobot::State::read() {
+  while (true) {
+    play();
+    std::unique_lock lock(mutex);
+    changed.wait(lock, [&] { return begins_again || gives_up; });
+    if (gives_up) return;
+    begins_again = false;
+  }
+}
+
+void LiveRobot::State::speak() {
+  std::unique_lock lock(mutex);
+  Clock::time_point said = Clock::now();
+  while (!gives_up) {
+    if (wire && !wire->is_open()) {
+      lock.unlock();
+      std::shared_ptr<transport::Channel> channel = connect();
+      if (channel) channel->set_listener([woken = woken] { woken->notify_all(); });
+      lock.lock();
+      if (channel && !channel->is_closed()) wire->use(std::move(channel));
+    }
+    if (wire) {
+      const auto now = Clock::now();
+      const bool was_full = wire->waiting_bytes() >= kReadAhead;
+      wire->step(now, false);
+      if (was_full || wire->is_all_confirmed()) changed.notify_all();
+      if (!wire->is_all_confirmed() && wire->silent_s(now) >= options.patience_s &&
+          std::chrono::duration<double>(now - said).count() >= options.patience_s) {
+        said = now;
+        log(LogLevel::warning, "robot " + robot.id.str() + ": " + wire->peer() +
+                                   " does not answer; it keeps what it "
+                                   "senses and tries again");
+      }
+    }
+    changed.wait_for(lock, kStep);
+  }
+}
+
+LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
+                     Connect to_edge)
+    : state_(new State(robot, configuration, options, std::move(to_edge))) {
+  if (!robot.trouble && (robot.sensors.scans == nullptr || !robot.sensors.cameras.empty()))
+    throw Error(ErrorCode::kBadInput, "robot '" + robot.id.str() + "' maps with cameras", robot.log.string(),
+                "robots that run as programs of their own map with a laser: set sensor: laser");
+  state_->reader = std::thread([state = state_.get()] { state->read(); });
+  state_->speaker = std::thread([state = state_.get()] { state->speak(); });
+}
+
+LiveRobot::~LiveRobot() {
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->gives_up = true;
+    state_->changed.notify_all();
+  }
+  state_->reader.join();
+  state_->speaker.join();
+}
+
+void LiveRobot::end() {
+  const std::lock_guard lock(state_->mutex);
+  state_->ends = true;
+  state_->changed.notify_all();
+}
+
+bool LiveRobot::is_done() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->counts.is_read && state_->wire->is_all_confirmed();
+}
+
+bool LiveRobot::wait(std::chrono::milliseconds patience) const {
+  std::unique_lock lock(state_->mutex);
+  return state_->changed.wait_for(lock, patience,
+                                  [&] { return state_->counts.is_read && state_->wire->is_all_confirmed(); });
+}
+
+LiveRobotCounts LiveRobot::counts() const {
+  const std::lock_guard lock(state_->mutex);
+  LiveRobotCounts counts = state_->counts;
+  if (!state_->wire) return counts;
+  counts.confirmed = state_->wire->confirmed();
+  counts.waiting_bytes = state_->wire->waiting_bytes();
+  counts.sent_bytes = state_->wire->counts().sent_bytes;
+  counts.silent_s = state_->wire->silent_s(Clock::now());
+  counts.refusal = state_->wire->refusal();
+  return counts;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,33 @@
+#pragma once
+// What an edge says of a robot that has ended, beside its map, for the folder of results. As JSON.
+
+#include <mapweave/runtime/robot_task.h>
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct RobotRecord {
+  RobotId robot;
+  std::optional<Error> trouble;
+  std::uint64_t scans = 0, lost_scans = 0, sensed_bytes = 0, map_bytes = 0;
+  double log_s = 0.0, mapping_s = 0.0, helper_s = 0.0, wall_s = 0.0;  // log: of data; the next two of processor time
+  std::vector<std::string> notes;
+  std::string log;  // where it was recorded; empty: not said
+  Hash log_sha256;
+  std::string sensor;             // "laser"
+  std::vector<StampedPose> live;  // where it was, as it came (LivePose)
+  std::vector<StampedPose> odometry;
+};
+
+std::string encode(const RobotRecord& record);
+// Throws Error kCorrupt or kBadInput for what is not sound.
+RobotRecord decode_robot_record(std::string_view bytes, const std::string& where);
+
+// As a task of this process would have left it. map: none where it left none.
+RobotResult result_of(RobotRecord record, std::optional<Map> map, const PlannedRobot& robot,
+                      const RunConfiguration& configuration);
+
+}  // namespace mapweave::runtime

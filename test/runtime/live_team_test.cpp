@@ -1,0 +1,389 @@
+// Robots, edges and a cloud as if each were a program of its own, over channels of this process: the final map is the
+// one of a run.
+#include "simulated_team.h"
+
+#include <mapweave/maps/receipt.h>
+#include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/live_cloud.h>
+#include <mapweave/runtime/sensor_choice.h>
+#include <mapweave/tiers/subjects.h>
+#include <mapweave/transport/in_process_channel.h>
+#include <support/bad_channel.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/files.h>
+#include <nlohmann/json.hpp>
+
+#include <atomic>
+#include <thread>
+
+namespace mapweave::runtime {
+namespace {
+
+using nlohmann::json;
+using test::BadChannel;
+using test::Badness;
+namespace fs = std::filesystem;
+namespace subject = tiers::subject;
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 120s;  // for a machine that is busy
+
+const test_support::SimulatedTeam& three_robots() {
+  static const test_support::SimulatedTeam team(true);
+  return team;
+}
+
+RunConfiguration three_robots_configuration() {
+  RunConfiguration configuration = three_robots().configuration();
+  configuration.output.report = false;
+  return configuration;
+}
+
+// Merges without what was measured.
+json merges_of(const fs::path& folder) {
+  json merges = json::parse(read_file(folder / "merges.json"));
+  const std::function<void(json&)> strip = [&](json& value) {
+    if (value.is_object())
+      for (auto it = value.begin(); it != value.end();)
+        if (it.key() == "seconds")
+          it = value.erase(it);
+        else
+          strip(*it++);
+    else if (value.is_array())
+      for (json& one : value) strip(one);
+  };
+  strip(merges);
+  return merges;
+}
+
+json outputs_of(const fs::path& folder) { return json::parse(read_file(folder / "manifest.json"))["outputs"]; }
+
+// What `run` leaves of the same configuration; once.
+const fs::path& as_run() {
+  static const test::TemporaryFolder folder;
+  static const fs::path out = folder / "run";
+  if (!fs::exists(out)) {
+    const RunConfiguration configuration = three_robots_configuration();
+    WorkerPool pool(1);
+    run_batch(configuration, make_plan(configuration, {}), {out, false, false}, pool, *make_silent_progress());
+  }
+  return out;
+}
+
+struct LiveTeam : testing::Test {
+  LiveTeam() {
+    options.speed = 0.0;
+    options.preview_period_s = 0.2;
+    options.wire.repeat_s = 0.2;
+    choose_sensors(plan, configuration, pool);
+  }
+  ~LiveTeam() override {
+    robots.clear();
+    edges.clear();
+    cloud.reset();
+  }
+
+  LiveSite site(const std::string& journal) {
+    return {configuration, plan,    options,
+            pool,          *silent, journal.empty() ? std::nullopt : std::optional(folder / (journal + ".mwj"))};
+  }
+  void start_cloud(const std::string& journal = "") { cloud = std::make_unique<LiveCloud>(site(journal), settings); }
+  void start_edge(const std::string& name, const std::string& journal = "") {
+    auto edge =
+        std::make_unique<LiveEdge>(TierId(name), site(journal), [this]() -> std::shared_ptr<transport::Channel> {
+          const std::lock_guard lock(mutex);
+          return cloud ? worse(cloud->connect()) : nullptr;
+        });
+    const std::lock_guard lock(mutex);
+    edges[name] = std::move(edge);
+  }
+  void start_robot(const PlannedRobot& robot) {
+    robots.push_back(std::make_unique<LiveRobot>(
+        robot, configuration, options, [this, edge = robot.edge.str()]() -> std::shared_ptr<transport::Channel> {
+          const std::lock_guard lock(mutex);
+          const auto found = edges.find(edge);
+          return found != edges.end() && found->second ? worse(found->second->connect()) : nullptr;
+        }));
+  }
+  void start_robots() {
+    for (const PlannedRobot& robot : plan.robots) start_robot(robot);
+  }
+  // As if it were killed: whatever it did not save is gone.
+  void end_edge(const std::string& name) {
+    std::unique_ptr<LiveEdge> gone;
+    const std::lock_guard lock(mutex);
+    gone = std::move(edges[name]);
+  }
+  void end_cloud() {
+    std::unique_ptr<LiveCloud> gone;
+    const std::lock_guard lock(mutex);
+    gone = std::move(cloud);
+  }
+  std::shared_ptr<transport::Channel> worse(std::shared_ptr<transport::Channel> channel) {
+    if (badness.lost + badness.doubled + badness.cut == 0.0) return channel;
+    Badness one = badness;
+    one.seed += ++connected;
+    return std::make_shared<BadChannel>(std::move(channel), one);
+  }
+  std::uint64_t taken(const std::string& edge) {
+    std::uint64_t sum = 0;
+    for (const auto& robot : edges.at(edge)->counts().robots) sum += robot.taken;
+    return sum;
+  }
+  template <class Condition>
+  void await(Condition&& condition) {
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    while (!condition()) {
+      ASSERT_LT(std::chrono::steady_clock::now(), end);
+      std::this_thread::sleep_for(5ms);
+    }
+  }
+  Report result() {
+    const std::optional<Report> report = cloud->wait(kPatience);
+    if (!report) throw std::runtime_error("the cloud has no result");
+    return *report;
+  }
+  void expect_as_run() {
+    json live = outputs_of(settings.out), run = outputs_of(as_run());
+    EXPECT_EQ(live, run);
+    EXPECT_GT(run.size(), 20u);
+    EXPECT_EQ(merges_of(settings.out), merges_of(as_run()));
+  }
+
+  test::TemporaryFolder folder;
+  RunSettings settings{folder / "live", false, false};
+  RunConfiguration configuration = three_robots_configuration();
+  RunPlan plan = make_plan(configuration, {});
+  LiveOptions options;
+  WorkerPool pool{2};
+  std::unique_ptr<Progress> silent = make_silent_progress();
+  Badness badness;
+  std::atomic<std::uint64_t> connected{0};
+  std::mutex mutex;
+  std::unique_ptr<LiveCloud> cloud;
+  std::map<std::string, std::unique_ptr<LiveEdge>> edges;
+  std::vector<std::unique_ptr<LiveRobot>> robots;
+};
+
+TEST_F(LiveTeam, leaves_what_a_run_leaves) {
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  const Report report = result();
+  expect_as_run();
+  ASSERT_EQ(report.robots.size(), 3u);
+  for (const RobotReport& robot : report.robots) {
+    EXPECT_TRUE(robot.mapped);
+    EXPECT_GT(robot.scans, 10u);
+    EXPECT_GT(robot.log_seconds, 5.0);
+  }
+  const json live = json::parse(read_file(settings.out / "manifest.json")),
+             run = json::parse(read_file(as_run() / "manifest.json"));
+  EXPECT_EQ(live["inputs"], run["inputs"]);
+  await([&] { return edges.at("north")->counts().is_done && edges.at("south")->counts().is_done; });
+  for (const auto& robot : robots) EXPECT_TRUE(robot->is_done());
+}
+
+TEST_F(LiveTeam, does_not_mind_in_which_order_its_programs_start) {
+  options.preview_period_s = 0.05;
+  start_robots();
+  std::this_thread::sleep_for(50ms);
+  start_edge("south", "south");
+  std::this_thread::sleep_for(300ms);
+  start_edge("north", "north");
+  await([&] { return edges.at("south")->counts().is_fused; });
+  start_cloud("cloud");
+  result();
+  expect_as_run();
+}
+
+TEST_F(LiveTeam, gets_over_wires_that_lose_and_double_and_break) {
+  for (const std::uint64_t seed : {1, 1000}) {
+    badness = {0.05, 0.05, 0.01, seed};
+    settings.out = folder / ("live-" + std::to_string(seed));
+    start_cloud();
+    start_edge("north", "north" + std::to_string(seed));
+    start_edge("south", "south" + std::to_string(seed));
+    start_robots();
+    result();
+    expect_as_run();
+    std::uint64_t again = 0;
+    for (const auto& [name, edge] : edges) again += edge->counts().again;
+    EXPECT_GT(again, 0u);
+    EXPECT_GT(connected, 5u) << "wires broke";
+    robots.clear();
+    edges.clear();
+    end_cloud();
+  }
+}
+
+TEST_F(LiveTeam, goes_on_where_a_killed_edge_and_a_killed_cloud_had_stored) {
+  start_cloud("cloud");
+  start_edge("north", "north");
+  start_edge("south", "south");
+  start_robots();
+  await([&] { return taken("north") > 20; });
+  end_edge("north");
+  start_edge("north", "north");
+  await([&] { return edges.at("south")->counts().is_fused; });
+  end_cloud();
+  start_cloud("cloud");
+  await([&] { return edges.at("north")->counts().is_fused; });
+  end_edge("north");
+  start_edge("north", "north");
+  result();
+  expect_as_run();
+}
+
+TEST_F(LiveTeam, sends_all_again_to_an_edge_that_lost_its_store) {
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  await([&] { return robots.front()->counts().confirmed > 10; });
+  end_edge("north");
+  start_edge("north");
+  result();
+  expect_as_run();
+}
+
+TEST_F(LiveTeam, shows_previews_while_robots_drive) {
+  options.speed = 8.0;
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  await([&] { return cloud->counts().maps == 3u; });
+  EXPECT_FALSE(cloud->counts().is_sealing);
+  EXPECT_FALSE(robots.front()->is_done());
+  await([&] { return !cloud->counts().joint.empty() || cloud->counts().is_sealing; });
+  result();
+  EXPECT_GT(edges.at("north")->counts().previews, 1u);
+  expect_as_run();
+}
+
+TEST_F(LiveTeam, counts_the_scans_that_a_robot_has_no_room_for) {
+  options.speed = 1000.0;
+  options.robot_buffer_kb = 8;
+  configuration.robots.resize(1);
+  configuration.edges = {{"north"}};
+  plan = make_plan(configuration, {});
+  choose_sensors(plan, configuration, pool);
+  start_robots();
+  await([&] { return robots.front()->counts().is_read; });
+  const LiveRobotCounts before = robots.front()->counts();
+  EXPECT_EQ(before.confirmed, 0u);
+  EXPECT_GT(before.lost_scans, 5u);
+  EXPECT_GT(before.scans, before.lost_scans);
+  start_cloud();
+  start_edge("north");
+  const Report report = result();
+  EXPECT_EQ(report.robots.front().scans + before.lost_scans, before.scans);
+  EXPECT_FALSE(report.robots.front().trouble);
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("scans were lost")));
+}
+
+TEST_F(LiveTeam, seals_without_those_that_never_came) {
+  options.patience_s = 0.2;
+  start_cloud();
+  start_edge("north");
+  start_robots();
+  await([&] { return cloud->counts().edges.front().has_fused; });
+  EXPECT_FALSE(cloud->wait(300ms));
+  testing::internal::CaptureStderr();
+  std::this_thread::sleep_for(500ms);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              testing::AllOf(testing::HasSubstr("the cloud waits for edge south"),
+                             testing::HasSubstr("robot beta: edge south does not answer")));
+  cloud->seal_now();
+  const Report report = result();
+  EXPECT_TRUE(report.robots[0].mapped && !report.robots[1].mapped && report.robots[2].mapped);
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("robot beta: its map never came")));
+  EXPECT_TRUE(fs::exists(settings.out / "robots/alpha/map.mwdb"));
+  EXPECT_FALSE(fs::exists(settings.out / "robots/beta"));
+}
+
+// Whoever speaks to an edge by hand.
+struct Stranger {
+  explicit Stranger(LiveEdge& edge) : channel(edge.connect()) {}
+  void say(const std::string& what, const std::string& bytes, const std::string& sender = "",
+           std::uint64_t number = 0) {
+    channel->send({what, bytes, sender, number});
+  }
+  // The next message of this subject.
+  std::optional<std::string> answer(const std::string& what) {
+    const auto end = std::chrono::steady_clock::now() + 10s;
+    while (std::chrono::steady_clock::now() < end)
+      for (transport::Channel::Delivery& one : channel->receive(50ms)) {
+        channel->acknowledge(one.number);
+        if (one.envelope.subject == what) return one.envelope.bytes;
+      }
+    return std::nullopt;
+  }
+  std::string refusal() {
+    const auto bytes = answer("refusal");
+    return bytes ? decode_refusal(*bytes, "test").why.what() : "";
+  }
+  std::shared_ptr<transport::Channel> channel;
+};
+
+Hello hello_of(const std::string& robot, const Hash& agreement, std::int64_t run = 7) {
+  return {{{RobotId(robot), SensorId("laser")}, run}, agreement};
+}
+
+TEST_F(LiveTeam, refuses_strangers_and_what_cannot_be_read) {
+  start_edge("north");
+  LiveEdge& edge = *edges.at("north");
+  const Hash agreement = agreement_of(configuration);
+  Stranger unknown(edge), other_version(edge), noise(edge);
+  unknown.say("hello", encode(hello_of("omega", agreement)));
+  EXPECT_THAT(unknown.refusal(), testing::AllOf(testing::HasSubstr("'omega' is no robot of edge 'north'"),
+                                                testing::HasSubstr("alpha, gamma")));
+  other_version.say("hello", encode(hello_of("alpha", Hash{})));
+  EXPECT_THAT(other_version.refusal(), testing::HasSubstr("another version of mapweave"));
+  noise.say("hello", "no hello at all");
+  await([&] { return edge.counts().unreadable == 1; });
+
+  Stranger alpha(edge);
+  alpha.say("hello", encode(hello_of("alpha", agreement)));
+  ASSERT_TRUE(alpha.answer("welcome"));
+  alpha.say(subject::kSensed, "no scan at all", "alpha/7", 1);
+  EXPECT_THAT(alpha.refusal(), testing::HasSubstr("robot alpha"));
+  Sensed of_another{RobotId("gamma"), 1, Stamp{7}, Pose3()};
+  alpha.say(subject::kSensed, encode(of_another), "alpha/7", 1);
+  EXPECT_THAT(alpha.refusal(), testing::HasSubstr("gamma"));
+  alpha.say("dance", "", "alpha/7", 1);
+  EXPECT_THAT(alpha.refusal(), testing::HasSubstr("does not say 'dance'"));
+  EXPECT_EQ(edge.counts().unreadable, 4u);
+  EXPECT_EQ(edge.counts().robots.front().taken, 0u);
+
+  Stranger twice(edge);
+  twice.say("hello", encode(hello_of("alpha", agreement, 8)));
+  EXPECT_THAT(twice.refusal(), testing::HasSubstr("robot 'alpha' is here already"));
+  alpha.say(subject::kSensed, encode(Sensed{RobotId("alpha"), 1, Stamp{7}, Pose3()}), "alpha/7", 1);
+  await([&] { return edge.counts().robots.front().mapped == 1; });
+  EXPECT_FALSE(alpha.channel->is_closed()) << "the one that was here first goes on";
+  EXPECT_EQ(edge.counts().refused, 2u);
+}
+
+TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
+  EXPECT_NO_THROW(expect_live(configuration, plan));
+  EXPECT_THROW(LiveEdge(TierId("west"), site(""), [] { return nullptr; }), Error);
+  RunConfiguration on_board = configuration;
+  on_board.mode = Mode::onboard;
+  EXPECT_THROW(expect_live(on_board, plan), Error);
+  RunConfiguration with_cameras = configuration;
+  with_cameras.sensor = "all";
+  EXPECT_THROW(expect_live(with_cameras, plan), Error);
+  RunConfiguration moved = configuration;
+  moved.robots.front().log = "elsewhere.rawlog";
+  moved.output.png = false;
+  EXPECT_EQ(agreement_of(moved), agreement_of(configuration));
+  moved.seed = 2;
+  EXPECT_NE(agreement_of(moved), agreement_of(configuration));
+}
+
+}  // namespace
+}  // namespace mapweave::runtime
