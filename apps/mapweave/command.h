@@ -36,6 +36,7 @@ void add_writing_flags(CLI::App& verb, WritingFlags&);
 int threads_of(const WritingFlags&);
 
 Action set_up_run(CLI::App&);
+Action set_up_serve(CLI::App&);
 Action set_up_slam(CLI::App&);
 Action set_up_merge(CLI::App&);
 Action set_up_split(CLI::App&);

@@ -22,6 +22,8 @@ namespace {
 const std::vector<Command> commands = {
     {"run", "several robots' logs -> robot, edge and team maps", "mapweave run office.yaml --out maps/office",
      set_up_run},
+    {"serve", "robots, edges and a cloud as programs of their own", "mapweave serve demo --out maps/demo",
+     set_up_serve},
     {"slam", "one robot's log -> that robot's map", "mapweave slam alpha.rawlog --out maps/alpha", set_up_slam},
     {"merge", "several robots' maps -> one team map",
      "mapweave merge maps/alpha/map.mwdb maps/beta/map.mwdb hall.yaml --out maps/team", set_up_merge},

@@ -305,9 +305,10 @@ TEST_F(LiveTeam, seals_without_those_that_never_came) {
   EXPECT_FALSE(fs::exists(settings.out / "robots/beta"));
 }
 
-// Whoever speaks to an edge by hand.
+// Whoever speaks to an edge or the cloud by hand.
 struct Stranger {
-  explicit Stranger(LiveEdge& edge) : channel(edge.connect()) {}
+  template <class Tier>
+  explicit Stranger(Tier& tier) : channel(tier.connect()) {}
   void say(const std::string& what, const std::string& bytes, const std::string& sender = "",
            std::uint64_t number = 0) {
     channel->send({what, bytes, sender, number});
@@ -366,6 +367,40 @@ TEST_F(LiveTeam, refuses_strangers_and_what_cannot_be_read) {
   await([&] { return edge.counts().robots.front().mapped == 1; });
   EXPECT_FALSE(alpha.channel->is_closed()) << "the one that was here first goes on";
   EXPECT_EQ(edge.counts().refused, 2u);
+}
+
+TEST_F(LiveTeam, leaves_out_what_an_edge_sends_that_cannot_be_read) {
+  start_cloud();
+  const Hash agreement = agreement_of(configuration);
+  Stranger unknown(*cloud), north(*cloud);
+  unknown.say("hello", encode(Hello{{{RobotId("west"), SensorId("edge")}, 7}, agreement}));
+  EXPECT_THAT(unknown.refusal(), testing::AllOf(testing::HasSubstr("'west' is no edge"), testing::HasSubstr("north")));
+  north.say("hello", encode(Hello{{{RobotId("north"), SensorId("edge")}, 7}, agreement}));
+  ASSERT_TRUE(north.answer("welcome"));
+  std::uint64_t number = 0;
+  const auto say = [&](const char* what, const std::string& bytes) { north.say(what, bytes, "north/7", ++number); };
+  const std::string report =
+      R"({"robot":"alpha","scans":1,"lost_scans":0,"sensed_bytes":1,"map_bytes":1,"log_seconds":1,)"
+      R"("mapping_cpu_seconds":1,"helper_cpu_seconds":0,"wall_seconds":1,"notes":[],"log":"","log_sha256":"",)"
+      R"("sensor":"laser","odometry":[],"live":)";
+  say(subject::kRobotMap, "no map");
+  say(subject::kRobotReport, "{");
+  say(subject::kRobotReport, report + "[[1,0,0,0,0,0,0,2]]}");
+  say(subject::kRobotReport, report + "[[2,0,0,0,0,0,0,1],[1,0,0,0,0,0,0,1]]}");
+  say(subject::kRobotReport, std::string(report).replace(10, 5, "beta") + "[]}");
+  say("dance", "x");
+  await([&] { return cloud->counts().unreadable == 6; });
+  say(subject::kFinalUpdate, "no update");
+  say(subject::kMerged, "no merge");
+  say(subject::kRobotReport, report + "[[1,0,0,0,0,0,0,1]]}");
+  say(subject::kFused, "");
+  await([&] { return cloud->counts().edges.front().has_fused; });
+  cloud->seal_now();
+  const Report result_of_nothing = result();
+  EXPECT_EQ(cloud->counts().unreadable, 8u);
+  EXPECT_EQ(cloud->counts().refused, 1u);
+  EXPECT_EQ(result_of_nothing.robots.front().scans, 1u);
+  EXPECT_FALSE(result_of_nothing.robots.front().mapped);
 }
 
 TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {

@@ -484,6 +484,15 @@ processors.cloud 0.1
 
 # Options that must not change a result. Those that stand in a case as well are tried.
 WITHOUT_EFFECT = {
+    "live.broker": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.store": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.speed": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.preview_period_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.robot_buffer_kb": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.edge_queue_kb": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.patience_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.wire.repeat_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.wire.window_kb": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "laser.graph.loops.cache_mb": "memory against time; what fell out of the cache is made again, the same",
     "fusion.cache_mb": "memory against time; what fell out of the cache is made again, the same",
     "server.index.cell_m": "time alone: whatever the cells, each landmark in them is projected",

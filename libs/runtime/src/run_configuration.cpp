@@ -283,7 +283,7 @@ void take_start_maps(const RunConfiguration& configuration, const Origins& origi
 
 }  // namespace
 
-RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins) {
+RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins, LogsAre logs) {
   if (configuration.robots.empty())
     throw Error(ErrorCode::kBadInput, "no robots", origins.place_of("robots"),
                 "list them: robots: [{id: alpha, log: alpha.rawlog}]");
@@ -306,7 +306,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
     expect_edges_of(robot, configuration, key("robots", i, "edges"), origins);
     const std::filesystem::path log =
         std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();
-    expect_log(log, origins.place_of(log_key), !origins.file_of(log_key).empty());
+    if (logs == LogsAre::here) expect_log(log, origins.place_of(log_key), !origins.file_of(log_key).empty());
     const auto own = own_configuration(configuration, robot);
     if (robot.edges.size() < 2) {
       plan.robots.push_back({RobotId(id), TierId(robot.edges.empty() ? robot.edge : robot.edges.front()), log});

@@ -7,6 +7,7 @@ namespace mapweave::runtime {
 Hash agreement_of(RunConfiguration configuration) {
   for (RobotEntry& robot : configuration.robots) robot.log.clear();
   configuration.output = {};
+  configuration.live = {};
   configuration.visual.vocabulary.clear();  // a path
   return Hasher().add(program_version()).add(to_yaml(configuration)).finish();
 }

@@ -186,6 +186,7 @@ void LiveEdge::State::step_cloud(std::unique_lock<std::mutex>& lock, Clock::time
     if (channel && !channel->is_closed()) cloud->use(std::move(channel));
   }
   cloud->step(now, false);
+  if (cloud->is_open() && cloud->is_dead(now)) cloud->close();  // the next one may get through
 }
 
 void LiveEdge::State::say_who_is_missing() const {

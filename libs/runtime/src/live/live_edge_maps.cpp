@@ -25,17 +25,16 @@ void LiveEdge::State::map(Robot& robot) {
     const bool is_scan = std::holds_alternative<PackedScan>(sensed.body),
                is_lost = std::holds_alternative<LostScan>(sensed.body);
     std::optional<tiers::RobotOutcome> outcome;
-    try {
-      if (robot.began == Clock::time_point{}) begin(robot, session);
-      outcome = step(robot, std::move(sensed), bytes);
-    } catch (const Error& error) {  // its engine cannot be started
-      if (!robot.has_outcome) outcome = tiers::RobotOutcome{robot.planned->id, std::nullopt, error};
-    } catch (const Interrupted& interrupted) {
-      if (!robot.has_outcome)
+    if (!robot.has_outcome) try {  // else its report is on its way: nothing changes it
+        if (robot.began == Clock::time_point{}) begin(robot, session);
+        outcome = step(robot, std::move(sensed), bytes);
+      } catch (const Error& error) {  // its engine cannot be started
+        outcome = tiers::RobotOutcome{robot.planned->id, std::nullopt, error};
+      } catch (const Interrupted& interrupted) {
         outcome = tiers::RobotOutcome{
             robot.planned->id, std::nullopt,
             Error(ErrorCode::kHelperFailed, interrupted.message(), "robot " + robot.planned->id.str())};
-    }
+      }
     if (outcome) complete(robot, *outcome);
     lock.lock();
     robot.queue_bytes -= bytes;

@@ -145,12 +145,11 @@ std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, Un
 StreamEnd LiveRobot::State::last_word(StreamEnd end, const tiers::RobotAgent& agent, const UnitNotes& units) const {
   end.notes = units.notes();
   if (const auto note = note_on_packing(robot.id, agent.packer(), configuration.laser)) end.notes.push_back(*note);
-  if (ends) end.notes.push_back("robot " + robot.id.str() + ": its recording was ended on request");
   if (counts.lost_scans > 0)
     end.notes.push_back("robot " + robot.id.str() + ": " + std::to_string(counts.lost_scans) +
                         " scans were lost while its edge did not take what it sensed; a larger live.robot_buffer_kb "
                         "keeps more");
-  if (end.notes.size() > kMostNotes) end.notes.resize(kMostNotes);
+  if (end.notes.size() >= kMostNotes) end.notes.resize(kMostNotes - 1);
   try {
     end.log_sha256 = hash_of_input(robot.log);
     end.log = robot.log.string();
@@ -169,13 +168,17 @@ void LiveRobot::State::play() {
     counts.sent_bytes = sent_bytes;
   }
   std::optional<Error> trouble = play_records(agent, units);
+  bool is_asked_to_end = false;
   {
     const std::lock_guard lock(mutex);
     if (gives_up || begins_again) return;
+    is_asked_to_end = ends;
   }
   begin({});  // where nothing came
   Sensed end = agent.end(std::move(trouble));
-  end.body = last_word(std::get<StreamEnd>(end.body), agent, units);
+  StreamEnd word = last_word(std::get<StreamEnd>(end.body), agent, units);
+  if (is_asked_to_end) word.notes.push_back("robot " + robot.id.str() + ": its recording was ended on request");
+  end.body = std::move(word);
   say(std::move(end));
   const std::lock_guard lock(mutex);
   counts.is_read = !begins_again;
@@ -206,6 +209,7 @@ void LiveRobot::State::speak() {
       const auto now = Clock::now();
       const bool was_full = wire->waiting_bytes() >= kReadAhead;
       wire->step(now, false);
+      if (wire->is_open() && wire->is_dead(now)) wire->close();  // the next one may get through
       if (was_full || wire->is_all_confirmed()) changed.notify_all();
       if (!wire->is_all_confirmed() && wire->silent_s(now) >= options.patience_s &&
           std::chrono::duration<double>(now - said).count() >= options.patience_s) {

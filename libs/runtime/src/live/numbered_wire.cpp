@@ -40,6 +40,7 @@ void NumberedWire::use(std::shared_ptr<transport::Channel> channel) {
   channel_ = std::move(channel);
   is_welcome_ = is_too_long_ = false;
   greeted_ = {};
+  opened_at_ = Clock::now();
   outbox_.repeat_all();
 }
 
@@ -100,10 +101,12 @@ void NumberedWire::step(Clock::time_point now, bool holds) {
       send({kHello, encode(Hello{self_, agreement_}), {}, 0, true}))
     greeted_ = now;
   if (is_welcome_) send_due(now);
-  if (!other_ || !is_receipt_due_) return;
+  if (!other_ || (!is_receipt_due_ && seconds_between(receipt_at_, now) < options_.repeat_s)) return;
   const std::uint64_t awaited = waiting_.empty() ? 0 : taken_ + 1;
-  if (send({kReceipts, encode(std::vector<Receipt>{{origin_of(*other_), stored_, awaited}}), {}, 0, true}))
+  if (send({kReceipts, encode(std::vector<Receipt>{{origin_of(*other_), stored_, awaited}}), {}, 0, true})) {
     is_receipt_due_ = false;
+    receipt_at_ = now;
+  }
 }
 
 void NumberedWire::receive(transport::Envelope message, Clock::time_point now) {

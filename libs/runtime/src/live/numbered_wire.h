@@ -7,6 +7,7 @@
 #include <mapweave/runtime/live_options.h>
 #include <mapweave/transport/outbox.h>
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <functional>
@@ -54,6 +55,11 @@ class NumberedWire {
   bool is_welcome() const { return is_welcome_; }
   // Since when it has said nothing; nothing while it speaks.
   double silent_s(Clock::time_point now) const { return std::chrono::duration<double>(now - received_at_).count(); }
+  // It says its receipts again and again: who has been silent for so long is not at the other end of this channel.
+  bool is_dead(Clock::time_point now) const {
+    return std::chrono::duration<double>(now - std::max(received_at_, opened_at_)).count() >=
+           kSilences * options_.repeat_s;
+  }
   const std::string& peer() const { return peer_; }
   const SessionId& self() const { return self_; }
   const std::optional<SessionId>& other() const { return other_; }
@@ -76,6 +82,7 @@ class NumberedWire {
   WireCounts counts() const { return counts_; }
 
  private:
+  static constexpr double kSilences = 5.0;
   void receive(transport::Envelope message, Clock::time_point now);
   void count_unreadable(const Error& error, bool is_numbered);
   void greet(const Hello& hello);
@@ -92,7 +99,7 @@ class NumberedWire {
   LiveWireOptions options_;
   WireHooks hooks_;
   std::shared_ptr<transport::Channel> channel_;
-  Clock::time_point received_at_ = Clock::now(), greeted_{}, progress_{}, asked_again_{};
+  Clock::time_point received_at_ = Clock::now(), opened_at_{}, greeted_{}, progress_{}, asked_again_{}, receipt_at_{};
   bool is_welcome_ = false, is_receipt_due_ = false, is_too_long_ = false;
   std::string refusal_;
   WireCounts counts_;

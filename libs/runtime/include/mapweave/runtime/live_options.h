@@ -2,6 +2,7 @@
 // How programs of a deployment talk and when they show something: the section `live` of a configuration.
 
 #include <cstddef>
+#include <string>
 
 namespace mapweave::runtime {
 
@@ -21,6 +22,7 @@ struct LiveWireOptions {
 };
 
 struct LiveOptions {
+  std::string broker = "nats://127.0.0.1:4222", store = "mapweave-store";
   double speed = 1.0;
   double preview_period_s = 5.0;
   int robot_buffer_kb = 262144;
@@ -31,6 +33,12 @@ struct LiveOptions {
   std::size_t edge_queue_bytes() const { return static_cast<std::size_t>(edge_queue_kb) << 10; }
   template <class Visitor>
   void describe(Visitor& v) {
+    v.text("broker", broker,
+           "NATS server with JetStream through which robots, edges and the cloud talk (serve): nats://host:port");
+    v.text(
+        "store", store,
+        "folder in which edges and the cloud keep what they received until the results are written (serve), relative "
+        "to where the program is started");
     v.non_negative("speed", speed,
                    "how fast a robot's recording is played, as a multiple of the speed at which it was recorded; "
                    "larger values are faster; 0: as fast as its edge takes it");

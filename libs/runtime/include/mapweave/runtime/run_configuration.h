@@ -14,6 +14,7 @@
 #include <mapweave/rig/fused_pose.h>
 #include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/rig/rig.h>
+#include <mapweave/runtime/live_options.h>
 #include <mapweave/runtime/sensor_kinds.h>
 #include <mapweave/runtime/timeline.h>
 #include <mapweave/scheduling/grouping.h>
@@ -272,6 +273,7 @@ struct RunConfiguration {
   rig::FusedPoseOptions pose;
   fusion::ComposeOptions compose;
   OutputOptions output;
+  LiveOptions live;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("seed", seed, 0, 4294967295, "seed of all random numbers of a run; the same seed gives the same bytes");
@@ -313,6 +315,7 @@ struct RunConfiguration {
               "gives it, and when the next one takes over");
     v.section("compose", compose, "drawing occupancy grids from scans");
     v.section("output", output, "files that are written beside each map.mwdb");
+    v.section("live", live, "robots, edges and a cloud that run as programs of their own (serve)");
   }
 
  private:
@@ -371,9 +374,10 @@ TierId cloud_tier();
 // the file: kBadInput for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that
 // cannot hold all robots, a wire between two that are none, a frame of no robot (where the run begins with maps,
 // frames are looked for later), several edges of a robot where a coordinator chooses or where robots map themselves,
-// robots to be refused that are none or one; kMissing for a robot without a log, a log, a map, a trace or a model that
-// is not there.
-RunPlan make_plan(const RunConfiguration&, const Origins&);
+// robots to be refused that are none or one; kMissing for a robot without a log, a log (unless robots have them), a
+// map, a trace or a model that is not there.
+enum class LogsAre { here, with_robots };
+RunPlan make_plan(const RunConfiguration&, const Origins&, LogsAre logs = LogsAre::here);
 
 // The configuration as it was carried out: robots as they were listed, each with its edge and the full path of its log.
 RunConfiguration effective(RunConfiguration, const RunPlan&);

@@ -1,0 +1,17 @@
+#pragma once
+// Ctrl-C and SIGTERM for programs that run until they are asked to end: they end in order, and nothing throws.
+
+#include <chrono>
+
+namespace mapweave::app {
+
+// To be made before any thread: from then on the signals wait until they are asked for. Threads and child processes
+// made later are asked for none.
+class StopSignals {
+ public:
+  StopSignals();
+  // Whether one came, within so long.
+  bool wait(std::chrono::milliseconds patience);
+};
+
+}  // namespace mapweave::app

@@ -1,0 +1,48 @@
+#pragma once
+// The channels of a deployment over one NATS broker: which streams each wire uses, and what keeps them open.
+
+#include <mapweave/runtime/live_cloud.h>
+#include <mapweave/transport/nats_connection.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+// All calls are thread-safe.
+class NatsWires {
+ public:
+  // Throws Error: kMissing where the broker does not answer in time, kUnsupported where it has no JetStream, kBadInput
+  // for an address that cannot be.
+  NatsWires(const std::string& broker, std::chrono::milliseconds patience);
+
+  // Ends that open: for LiveRobot, and for LiveEdge.
+  Connect from_robot(const RobotId& robot, const TierId& edge) const;
+  Connect from_edge(const TierId& edge) const;
+  // Ends that accept.
+  Connect at_edge(const RobotId& robot, const TierId& edge) const;
+  Connect at_cloud(const TierId& edge) const;
+
+ private:
+  std::shared_ptr<transport::NatsConnection> connection_;
+};
+
+// Channels that one program serves: each is made anew where it was closed. Not thread-safe.
+class ServedWires {
+ public:
+  // serve: as LiveEdge's or LiveCloud's.
+  explicit ServedWires(std::function<void(std::shared_ptr<transport::Channel>)> serve) : serve_(std::move(serve)) {}
+  void add(Connect accept) { wires_.push_back({std::move(accept), nullptr}); }
+  void keep();  // now and then
+
+ private:
+  struct Wire {
+    Connect accept;
+    std::shared_ptr<transport::Channel> channel;
+  };
+  std::function<void(std::shared_ptr<transport::Channel>)> serve_;
+  std::vector<Wire> wires_;
+};
+
+}  // namespace mapweave::runtime

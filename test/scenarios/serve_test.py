@@ -1,0 +1,134 @@
+"""Robots, edges and a cloud as programs of their own, through a broker on this machine: the map of a run, though one of them is killed."""
+import json
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import time
+import unittest
+
+import support
+
+BROKER = shutil.which("nats-server") or shutil.which("nats-server", path="/usr/sbin:/usr/local/bin")
+WORLD = """\
+laser: {rays: 91, scans_per_second: 2.0}
+robots:
+  - {id: alpha, edge: north, length_m: 14, first_room: 0}
+  - {id: beta, edge: south, length_m: 14, first_room: 1}
+  - {id: gamma, edge: north, length_m: 14, first_room: 2}
+"""
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def without_seconds(value):
+    if isinstance(value, dict):
+        return {key: without_seconds(one) for key, one in value.items() if key != "seconds"}
+    return [without_seconds(one) for one in value] if isinstance(value, list) else value
+
+
+class Serve(support.Scenario):
+    def setUp(self):
+        super().setUp()
+        if BROKER is None:
+            raise unittest.SkipTest("needs nats-server, of the Debian package nats-server")
+
+    def start_broker(self):
+        port = free_port()
+        broker = subprocess.Popen([BROKER, "-js", "-a", "127.0.0.1", "-p", str(port), "-sd", str(self.folder / "streams")],
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(broker.wait)
+        self.addCleanup(broker.kill)
+        return f"nats://127.0.0.1:{port}"
+
+    def simulate(self):
+        self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
+
+    def outputs(self, folder):
+        return self.read_json(f"{folder}/manifest.json")["outputs"]
+
+    def assert_same_map(self, live, run):
+        """All but the configuration, which says how programs talk."""
+        one, other = self.outputs(live), self.outputs(run)
+        for papers in (one, other):
+            papers.pop("config.yaml")
+        self.assertGreater(len(other), 20)
+        self.assertEqual(one, other)
+        self.assertEqual(without_seconds(self.read_json(f"{live}/merges.json")), without_seconds(self.read_json(f"{run}/merges.json")))
+
+    def wait_for(self, condition, what, seconds=60):
+        end = time.monotonic() + seconds * support.PATIENCE
+        while not condition():
+            self.assertLess(time.monotonic(), end, what)
+            time.sleep(0.05)
+
+    def end(self, process, seconds=120):
+        out, error = process.communicate(timeout=seconds * support.PATIENCE)
+        self.assertEqual(process.returncode, support.DONE, error)
+        return out, error
+
+    def test_an_edge_is_killed_and_the_map_is_the_one_of_a_run(self):
+        self.simulate()
+        self.mapweave("run", "logs/run.yaml", "--out", "run")
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=4", "--set", "live.preview_period_s=1"]
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk)
+        edges = {name: self.start("serve", "edge", "logs/run.yaml", "--name", name, *talk) for name in ("north", "south")}
+        robots = [self.start("serve", "robot", "logs/run.yaml", "--name", name, *talk) for name in ("alpha", "beta", "gamma")]
+        journal = self.folder / "mapweave-store/north.mwj-wal"
+        self.wait_for(lambda: journal.exists() and journal.stat().st_size > 60000, "the edge keeps nothing")
+        edges["north"].send_signal(signal.SIGKILL)
+        edges["north"].wait()
+        self.assertTrue(all(robot.poll() is None for robot in robots), "the robots drive still")
+        time.sleep(1.0)
+        edges["north"] = self.start("serve", "edge", "logs/run.yaml", "--name", "north", *talk)
+        for robot in robots:
+            self.assertIn("its edge has all", self.end(robot)[1])
+        out, _ = self.end(cloud)
+        self.assertIn("alpha", out)
+        for edge in edges.values():
+            self.end(edge)
+        self.assert_same_map("live", "run")
+        self.assertFalse((self.folder / "mapweave-store").exists(), "what was received is in the results")
+
+    def test_the_demo_leaves_what_a_run_leaves(self):
+        demo = self.mapweave("serve", "demo", "--out", "demo", "--speed", 8, seconds=150)
+        self.assertIn("the cloud shows", demo.stderr)
+        self.mapweave("run", "demo.logs/run.yaml", "--out", "run")
+        self.assert_same_map("demo", "run")
+        self.assertIn("merged", demo.stdout)
+
+    def test_ctrl_c_ends_the_demo_with_what_was_seen(self):
+        demo = self.start("serve", "demo", "--out", "demo", "--speed", 1)
+        seen = []
+        for line in demo.stderr:
+            seen.append(line)
+            if (found := re.search(r"alpha (\d+) scans", line)) and int(found[1]) > 30:
+                break
+        demo.send_signal(signal.SIGINT)
+        out, error = demo.communicate(timeout=120 * support.PATIENCE)
+        self.assertIn(demo.returncode, (support.DONE, support.APART), "".join(seen) + error)
+        summary = self.read_json("demo/summary.json")
+        self.assertTrue(all(robot["mapped"] for robot in summary["robots"]))
+        self.assertIn("ended on request", json.dumps(summary["notes"]))
+        self.assertIn("alpha", out)
+
+    def test_what_is_wrong_is_said_at_the_start(self):
+        self.simulate()
+        nowhere = ["--set", f"live.broker=nats://127.0.0.1:{free_port()}"]
+        done = self.mapweave("serve", "robot", "logs/run.yaml", code=support.USAGE)
+        self.assert_says(done, "which robot", "alpha, beta, gamma")
+        done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "nort", code=support.USAGE)
+        self.assert_says(done, "no edge 'nort'", "did you mean 'north'")
+        done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "north", "--set", "mode=onboard", code=support.BAD_INPUT)
+        self.assert_says(done, "mode: offload")
+        done = self.mapweave("serve", "robot", "logs/run.yaml", "--name", "alpha", *nowhere, code=support.BAD_INPUT)
+        self.assert_says(done, nowhere[1].split("=")[1].removeprefix("nats://"))
+
+
+if __name__ == "__main__":
+    support.main()
