@@ -68,9 +68,8 @@ TEST(WallCorners, are_found_where_two_walls_meet_with_the_side_they_show) {
     ASSERT_NE(corner, corners.end()) << x << ", " << y;
     EXPECT_EQ(corner->is_outer, x == 3 && y == 2.5);
     EXPECT_NEAR(corner->opening_rad, M_PI / 2.0, 0.2);
-    const double free_side = std::atan2((corner->is_outer ? -1.0 : 1.0) * (y < 1.0 ? 1.0 : -1.0),
-                                        (corner->is_outer ? -1.0 : 1.0) * (x < 1.0 ? 1.0 : -1.0));
-    const double expected = corner->is_outer ? M_PI / 4.0 : free_side;
+    const double free_side = std::atan2(y < 1.0 ? 1.0 : -1.0, x < 1.0 ? 1.0 : -1.0);
+    const double expected = corner->is_outer ? -0.75 * M_PI : free_side;
     EXPECT_NEAR(wrap_angle(corner->direction_rad - expected), 0.0, 0.15) << x << ", " << y;
   }
 }
