@@ -236,6 +236,7 @@ coordinator.method greedy
     "merged": """
 fusion.most_pairs 1
 fusion.merge_probability 1
+fusion.last_proposer ring-keys; fusion.merge_probability=1
 fusion.cache_mb 1
 fusion.judge.min_score 0.95
 fusion.judge.min_overlap_m2 60
