@@ -67,10 +67,11 @@ function(mapweave_add_program name)
   set_property(GLOBAL APPEND PROPERTY MAPWEAVE_PROGRAMS ${name})
 endfunction()
 
-# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds] [WHOLE_SUITE <suite>]): one gtest
-# executable per library. Tests run one by one, but those of WHOLE_SUITE together: they share what is slow to prepare.
+# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds] [WHOLE_SUITE <suite>] [SERIAL]): one
+# gtest executable per library. Each test is a process, but those of WHOLE_SUITE are one: they share what is slow to prepare. SERIAL: while
+# one runs, no other test does.
 function(mapweave_add_test name)
-  cmake_parse_arguments(arg "" "TIMEOUT;WHOLE_SUITE" "USES;SOURCES;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "SERIAL" "TIMEOUT;WHOLE_SUITE" "USES;SOURCES;PRIVATE" ${ARGN})
   add_executable(${name}_test ${arg_SOURCES})
   mapweave_compile_quickly(${name}_test REUSE_FROM mapweave_test_headers)
   list(TRANSFORM arg_USES PREPEND mapweave::)
@@ -89,7 +90,8 @@ function(mapweave_add_test name)
     set_tests_properties(${arg_WHOLE_SUITE} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
     set(one_by_one TEST_FILTER "-${arg_WHOLE_SUITE}.*")
   endif()
-  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 ${one_by_one} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
+  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 ${one_by_one}
+    PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name} RUN_SERIAL ${arg_SERIAL})
 endfunction()
 
 # mapweave_add_benchmark(NAME USES ... SOURCES ...): built with the rest, run by scripts/bench, never by ctest.
