@@ -10,11 +10,12 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr auto kPatience = milliseconds(5000);      // of one question to the broker
-constexpr int kBatch = 64;                          // messages asked for at once
-constexpr double kPull_s = 20.0, kFarPull_s = 2.0;  // so long such a question waits at the broker
+constexpr auto kPatience = milliseconds(5000);  // of one question to the broker
+constexpr int kBatch = 64;                      // messages asked for at once
+constexpr double kPull_s = 4.0,
+                 kFarPull_s = 2.0;  // so long it waits at the broker: one that got lost holds up no longer
 constexpr double kLeastAsk_s = 0.05, kMostAsk_s = 1.0;
-constexpr double kPurge_s = 1.0, kTick_s = 0.2, kLeastEnsure_s = 0.2, kMostEnsure_s = 5.0;
+constexpr double kPurge_s = 1.0, kFull_s = 5.0, kTick_s = 0.2, kLeastEnsure_s = 0.2, kMostEnsure_s = 5.0;
 constexpr std::int64_t kMostUnacknowledged = 8192;  // parts: more than the longest message has
 
 std::string stream_name(const NatsRoute& route, std::size_t priority) {
@@ -120,6 +121,10 @@ void NatsChannel::State::on_state_out(std::size_t priority, const std::optional<
   one.acknowledged = state->acknowledged;
   sender.acknowledged(priority, state->acknowledged, now_s());
   stir();
+  // What the other end has acknowledged it takes away itself; where there is no room for long, nobody waits for that.
+  const auto full_since_s = sender.full_since_s();
+  if (full_since_s && now_s() - *full_since_s > kFull_s)
+    one.stream.purge(one.readers.options().subject, state->acknowledged + 1);
 }
 
 void NatsChannel::State::on_state_in(std::size_t priority, const std::optional<ConsumerState>& state) {
@@ -292,7 +297,7 @@ void NatsChannel::State::publish() {
     std::optional<ChannelSender::Part> part;
     {
       const std::lock_guard lock(mutex);
-      sender.expire(now_s());
+      shown.unconfirmed_parts += sender.expire(now_s());
       part = sender.next(now_s());
       if (part) {
         ++shown.sent_parts;

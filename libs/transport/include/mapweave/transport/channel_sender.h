@@ -17,7 +17,7 @@ struct ChannelSenderOptions {
   std::size_t priorities = 1;                         // classes; 0 goes first
   ChannelLimits limits;                               // of what is not acknowledged by the receiver
   std::size_t message_bytes = std::size_t{64} << 20;  // longest message
-  double confirm_s = 30.0;                            // after which a part that nobody confirmed is sent again
+  double confirm_s = 10.0;                            // after which a part that nobody confirmed is sent again
 };
 
 // A message is kept until its receiver has acknowledged it, so that it survives a stream that was deleted. Not

@@ -64,6 +64,7 @@ struct NatsChannelState {
   std::array<std::uint64_t, kWireRefusals> refused{};
   std::uint64_t streams_made = 0, consumers_made = 0;  // the first ones included
   std::uint64_t sent_parts = 0, sent_bytes = 0;        // repetitions included
+  std::uint64_t unconfirmed_parts = 0;                 // that the broker did not confirm in time: sent again
   std::string trouble;                                 // what holds it up; empty: nothing known
 };
 
