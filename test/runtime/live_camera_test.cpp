@@ -142,7 +142,7 @@ TEST(LiveCamera, goes_on_with_another_server_that_knows_nothing) {
 // What a camera has no room for its server keeps. One that knows nothing of it cannot get that back from the camera.
 TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
   const test::TemporaryFolder folder;
-  auto team = alone(20.0);
+  auto team = alone(15.0);
   const Robot& robot = team.robots[0];
   LiveCameraOptions small;
   small.client.memory.keyframes = 20;
@@ -162,13 +162,14 @@ TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
     const visual::VisualClient& client = camera.finish(20s);
     const std::string log = testing::internal::GetCapturedStderr();
     ASSERT_GT(client.forgotten(), 5U);
-    const Map map = second.finish().maps().at(0);
+    std::size_t kept = 0;
+    for (const Map& map : second.finish().maps()) kept += map.nodes.size();
     std::printf("%zu keyframes, %zu forgotten; the server has %zu\n", client.keyframes().size(), client.forgotten(),
-                map.nodes.size());
+                kept);
     EXPECT_THAT(log, testing::Conditional(has_journal, testing::Not(testing::HasSubstr("lacks")),
                                           testing::AllOf(testing::HasSubstr("alpha.camera: the map server lacks"),
                                                          testing::HasSubstr("visual.memory.keyframes"))));
-    EXPECT_EQ(map.nodes.size() + 5 > client.keyframes().size() + client.forgotten(), has_journal);
+    EXPECT_EQ(kept + 5 > client.keyframes().size() + client.forgotten(), has_journal);
   }
 }
 
