@@ -113,11 +113,11 @@ class DemoLines {
 }  // namespace
 
 ExitCode serve_demo(const DemoArguments& arguments) {
+  StopSignals signals;  // before all threads, the broker's too
   const WorkingFolder work;
   transport::BrokerOptions how;
   how.folder = work.path() / "broker";
   const transport::Broker broker(how);
-  StopSignals signals;  // not for the broker, before all threads
   const auto progress = make_terminal_progress();
   WorkerPool pool(1);
   const fs::path logs = logs_of_demo(arguments.out, pool, *progress);

@@ -102,7 +102,6 @@ class Serve(support.Scenario):
         self.assert_same_map("demo", "run")
         self.assertIn("merged", demo.stdout)
 
-    @unittest.skip("the demo was seen not to end at Ctrl-C, once in four: to be mended")
     def test_ctrl_c_ends_the_demo_with_what_was_seen(self):
         demo = self.start("serve", "demo", "--out", "demo", "--speed", 1)
         seen = []

@@ -46,6 +46,24 @@ TEST_F(BrokerTest, says_why_it_cannot_start) {
   EXPECT_EQ(error_of([&] { Broker third(same); }).code(), ErrorCode::kCannotWrite);
 }
 
+// Threads of this process that a signal of Ctrl-C may reach.
+int threads_for_signals() {
+  int count = 0;
+  for (const auto& thread : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::ifstream status(thread.path() / "status");
+    for (std::string line; std::getline(status, line);)
+      if (line.rfind("SigBlk:", 0) == 0) count += (std::stoull(line.substr(7), nullptr, 16) >> (SIGINT - 1) & 1) == 0;
+  }
+  return count;
+}
+
+TEST_F(BrokerTest, has_no_thread_for_signals_of_the_program) {
+  const int before = threads_for_signals();
+  EXPECT_GT(before, 0);
+  const Broker broker(options("one"));
+  EXPECT_EQ(threads_for_signals(), before);
+}
+
 TEST_F(BrokerTest, ends_with_its_parent) {
   int pipes[2];
   ASSERT_EQ(pipe(pipes), 0);

@@ -133,7 +133,7 @@ void LiveEdge::State::merge() {
       }
     } catch (const Interrupted&) {  // who was told to end ends this
       if (!lock.owns_lock()) lock.lock();
-      next = Clock::now() + period;
+      changed.wait_until(lock, next = Clock::now() + period, [&] { return ends.load(); });
     } catch (const std::exception& error) {
       if (!lock.owns_lock()) lock.lock();
       log(LogLevel::error, "edge " + edge.str() + ": " + error.what());

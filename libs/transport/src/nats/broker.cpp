@@ -145,6 +145,9 @@ void Broker::State::launch() {
   child = -1;
   int failure = 0;
   keeper = std::thread([this, file, given, output, parent, &failure] {
+    sigset_t all;  // signals are for the threads of the program that made the broker
+    ::sigfillset(&all);
+    ::pthread_sigmask(SIG_SETMASK, &all, nullptr);
     char* const arguments[] = {const_cast<char*>(file.c_str()), const_cast<char*>("-c"),
                                const_cast<char*>(given.c_str()), nullptr};
     const pid_t made = ::fork();
