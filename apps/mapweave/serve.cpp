@@ -31,6 +31,8 @@ struct Arguments {
   std::string name;
   WritingFlags flags;
   DemoArguments demo;
+  std::vector<std::string> hosts;  // of keys
+  int port = 4222;
 };
 
 struct Deployment {
@@ -91,7 +93,7 @@ ExitCode serve_robot(const Arguments& arguments) {
   runtime::choose_sensors(own, deployment.loaded.configuration, pool);
   const runtime::PlannedRobot& planned = own.robots.front();
   if (planned.trouble && planned.trouble->code() == ErrorCode::kMissing) throw *planned.trouble;
-  const runtime::NatsWires wires(deployment.live().broker, kToConnect);
+  const runtime::NatsWires wires(deployment.live(), kToConnect);
   runtime::LiveRobot robot(planned, deployment.loaded.configuration, deployment.live(),
                            wires.from_robot(name, planned.edge));
   const auto progress = make_terminal_progress();
@@ -124,7 +126,7 @@ ExitCode serve_edge(const Arguments& arguments) {
   const TierId name(chosen("edge", arguments.name, names));
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live().broker, kToConnect);
+  const runtime::NatsWires wires(deployment.live(), kToConnect);
   const auto journal = journal_in(deployment.live(), name.str());
   {
     runtime::LiveEdge edge(
@@ -152,7 +154,7 @@ ExitCode serve_cloud(const Arguments& arguments) {
   Deployment deployment = load_deployment(arguments);
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live().broker, kToConnect);
+  const runtime::NatsWires wires(deployment.live(), kToConnect);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
   {
@@ -225,14 +227,27 @@ Action set_up_serve(CLI::App& verb) {
   CLI::App* robot = verb.add_subcommand("robot", "plays a robot's recording and sends it to its edge");
   CLI::App* edge = verb.add_subcommand("edge", "maps what its robots send, and merges their maps");
   CLI::App* cloud = verb.add_subcommand("cloud", "merges the maps of all edges, and writes the results");
+  CLI::App* keys = verb.add_subcommand("keys", "makes certificates, users and passwords for a deployment's broker");
   CLI::App* demo = verb.add_subcommand("demo", "all of them on this machine, with three simulated robots");
-  for (CLI::App* role : {robot, edge, cloud}) add_role_arguments(*role, *arguments);
+  for (CLI::App* role : {robot, edge, cloud, keys}) add_role_arguments(*role, *arguments);
   robot->add_option("--name", arguments->name, "which robot of the configuration it is")->type_name("NAME");
   edge->add_option("--name", arguments->name, "which edge of the configuration it is")->type_name("NAME");
   for (CLI::App* role : {edge, cloud}) add_threads_flag(*role, *arguments);
   cloud->add_option("-o,--out", arguments->flags.out, "new folder for the results")->required()->type_name("DIR");
   cloud->add_flag("--force", arguments->flags.force, "replace an old folder of results");
   cloud->add_flag("--json", arguments->flags.json, "print the summary as JSON");
+  keys->add_option("-o,--out", arguments->flags.out, "folder for them; keys that it holds already stay as they are")
+      ->required()
+      ->type_name("DIR");
+  keys->add_option("--host", arguments->hosts,
+                   "name or address of the broker's machine, as programs reach it; several may be given")
+      ->required()
+      ->type_name("HOST")
+      ->allow_extra_args(false);
+  keys->add_option("--port", arguments->port, "where the broker listens")
+      ->check(whole_number(1, 65535))
+      ->type_name("N")
+      ->capture_default_str();
   demo->add_option("-o,--out", arguments->demo.out, "new folder for the results; the robots' logs are put beside it")
       ->type_name("DIR")
       ->capture_default_str();
@@ -245,11 +260,14 @@ Action set_up_serve(CLI::App& verb) {
   show_examples(*robot, {"mapweave serve robot office.yaml --name alpha"});
   show_examples(*edge, {"mapweave serve edge office.yaml --name north"});
   show_examples(*cloud, {"mapweave serve cloud office.yaml --out maps/office"});
+  show_examples(*keys, {"mapweave serve keys office.yaml --host 10.0.0.1 --out keys"});
   show_examples(*demo, {"mapweave serve demo --out maps/demo"});
   return [=] {
     if (robot->parsed()) return serve_robot(*arguments);
     if (edge->parsed()) return serve_edge(*arguments);
     if (cloud->parsed()) return serve_cloud(*arguments);
+    if (keys->parsed())
+      return make_keys(load_deployment(*arguments).plan, {arguments->hosts, arguments->port, arguments->flags.out});
     return serve_demo(arguments->demo);
   };
 }

@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace mapweave::app {
 
@@ -26,5 +27,13 @@ struct DemoArguments {
   double speed = 1.0;
 };
 ExitCode serve_demo(const DemoArguments& arguments);
+
+// serve keys: for a broker on a machine with these names or addresses. What the folder holds already stays.
+struct KeysArguments {
+  std::vector<std::string> hosts;
+  int port = 4222;
+  std::filesystem::path out;
+};
+ExitCode make_keys(const runtime::RunPlan& plan, const KeysArguments& arguments);
 
 }  // namespace mapweave::app

@@ -127,7 +127,8 @@ ExitCode serve_demo(const DemoArguments& arguments) {
   configuration.live.preview_period_s = 2.0;
   runtime::RunPlan plan = runtime::make_plan(configuration, loaded.origins);
   runtime::choose_sensors(plan, configuration, pool);
-  const runtime::NatsWires wires(broker.url(), kToConnect);
+  configuration.live.broker = broker.url();
+  const runtime::NatsWires wires(configuration.live, kToConnect);
   WorkerPool merging(available_processors());
   const auto site = [&](const std::string& name) {
     return runtime::LiveSite{configuration, plan,      configuration.live,

@@ -486,6 +486,8 @@ processors.cloud 0.1
 # Options that must not change a result. Those that stand in a case as well are tried.
 WITHOUT_EFFECT = {
     "live.broker": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.keys": "of programs that talk (serve), not of a run; serve_keys_test.py",
+    "live.unprotected": "of programs that talk (serve), not of a run; serve_keys_test.py",
     "live.store": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.speed": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.preview_period_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",

@@ -39,7 +39,9 @@ def without_seconds(value):
     return [without_seconds(one) for one in value] if isinstance(value, list) else value
 
 
-class Serve(support.Scenario):
+class WithBroker(support.Scenario):
+    """What tests of programs that talk share."""
+
     def setUp(self):
         super().setUp()
         if BROKER is None:
@@ -79,6 +81,8 @@ class Serve(support.Scenario):
         self.assertEqual(process.returncode, support.DONE, error)
         return out, error
 
+
+class Serve(WithBroker):
     def test_an_edge_is_killed_and_the_map_is_the_one_of_a_run(self):
         self.simulate()
         self.mapweave("run", "logs/run.yaml", "--out", "run")

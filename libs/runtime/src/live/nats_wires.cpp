@@ -1,8 +1,12 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
+#include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/nats_wires.h>
 #include <mapweave/transport/nats_channel.h>
+#include <mapweave/transport/nats_stream.h>
 
 #include <algorithm>
+#include <sstream>
 
 namespace mapweave::runtime {
 namespace {
@@ -16,14 +20,26 @@ std::string stream_name(const std::string& name) {
   return made;
 }
 
+bool is_on_this_machine(const std::string& urls) {
+  std::istringstream all(urls);
+  for (std::string url; std::getline(all, url, ',');) {
+    const std::size_t scheme = url.find("://");
+    std::string host = scheme == std::string::npos ? url : url.substr(scheme + 3);
+    host = host.substr(host.find('@') == std::string::npos ? 0 : host.find('@') + 1);
+    if (host.rfind("127.", 0) != 0 && host.rfind("localhost", 0) != 0 && host.rfind("[::1]", 0) != 0) return false;
+  }
+  return true;
+}
+
 // All of a wire is in one class, so that it comes in the order in which it was said.
 transport::NatsChannelOptions options_of(const std::string& wire, const std::string& peer,
-                                         transport::NatsChannelSide side) {
+                                         transport::NatsChannelSide side, bool has_accounts) {
   transport::NatsChannelOptions options;
   options.peer = peer;
   options.side = side;
   options.out = {wire + "_up", {}};
   options.in = {wire + "_down", {}};
+  options.makes_streams = has_accounts && side == transport::NatsChannelSide::accepts;
   if (side == transport::NatsChannelSide::accepts) std::swap(options.out, options.in);
   return options;
 }
@@ -33,6 +49,31 @@ transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
   options.limits.bytes = kLongestMessage;
   options.received.message_bytes = kLongestMessage;
   return options;
+}
+
+// What either end of a wire does with the broker. peer: of one wire, or "*" for all that a tier accepts.
+void allow(transport::BrokerUser& user, const std::string& wire, const std::string& peer,
+           transport::NatsChannelSide side) {
+  const bool accepts = side == transport::NatsChannelSide::accepts;
+  const std::string out = wire + (accepts ? "_down_0" : "_up_0"), in = wire + (accepts ? "_up_0" : "_down_0");
+  const auto may = [&](const std::string& subject) { user.may_publish.push_back(subject); };
+  may("mw." + wire + (accepts ? "_down" : "_up") + ".0." + peer);
+  may("$JS.API.CONSUMER.INFO." + out + "." + peer);
+  for (const char* what : {"INFO.", "DURABLE.CREATE.", "DELETE.", "MSG.NEXT."})
+    may(std::string("$JS.API.CONSUMER.") + what + in + "." + peer);
+  may("$JS.ACK." + in + "." + peer + ".>");
+  for (const std::string& stream : {out, in}) {
+    may("$JS.API.STREAM.INFO." + stream);
+    may("$JS.API.STREAM.PURGE." + stream);
+    if (!accepts) continue;
+    may("$JS.API.STREAM.CREATE." + stream);
+    may("$JS.API.STREAM.UPDATE." + stream);
+  }
+}
+
+transport::BrokerUser new_user(const std::string& name) {
+  const std::string inbox = inbox_of(name) + ".>";
+  return {name, "", {"$JS.API.INFO", inbox}, {inbox}};
 }
 
 Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, transport::NatsChannelOptions options) {
@@ -46,25 +87,60 @@ std::string of_cloud(const TierId& edge) { return "cloud_" + stream_name(edge.st
 
 }  // namespace
 
-NatsWires::NatsWires(const std::string& broker, std::chrono::milliseconds patience) {
+std::vector<transport::BrokerUser> users_of(const RunPlan& plan) {
+  using Side = transport::NatsChannelSide;
+  std::vector<transport::BrokerUser> users;
+  transport::BrokerUser cloud = new_user("cloud");
+  for (const TierId& edge : plan.edges) {
+    transport::BrokerUser& user = users.emplace_back(new_user("edge-" + edge.str()));
+    allow(user, of_edge(edge), "*", Side::accepts);
+    allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens);
+    allow(cloud, of_cloud(edge), "*", Side::accepts);
+  }
+  for (const PlannedRobot& robot : plan.robots)
+    allow(users.emplace_back(new_user("robot-" + robot.id.str())), of_edge(robot.edge),
+          transport::nats_token(robot.id.str()), Side::opens);
+  users.push_back(std::move(cloud));
+  return users;
+}
+
+NatsWires::NatsWires(const LiveOptions& live, std::chrono::milliseconds patience) : has_accounts_(!live.keys.empty()) {
   transport::NatsOptions options;
-  options.url = broker;
+  options.url = live.broker;
+  if (has_accounts_) {
+    const ProgramKeys keys = read_program_keys(live.keys);
+    options.user = keys.user;
+    options.password = keys.password;
+    options.ca_text = keys.authority;
+    options.inbox = inbox_of(keys.user);
+  } else if (!is_on_this_machine(live.broker)) {
+    if (!live.unprotected)
+      throw Error(ErrorCode::kBadInput, "the broker is on another machine, and this program has no keys", live.broker,
+                  "have them made (mapweave serve keys) and name this program's in live.keys; or set "
+                  "live.unprotected: true where you trust everyone who reaches the broker");
+    log(LogLevel::warning, live.broker +
+                               ": not protected (live.unprotected): whoever reaches this broker can read all maps, "
+                               "and send others");
+  }
   connection_ = std::make_shared<transport::NatsConnection>(options);
   connection_->wait_until_connected(patience);
   connection_->expect_jet_stream(patience);
 }
 
 Connect NatsWires::from_robot(const RobotId& robot, const TierId& edge) const {
-  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::opens));
+  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::opens, has_accounts_));
 }
 Connect NatsWires::at_edge(const RobotId& robot, const TierId& edge) const {
-  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts));
+  return connect(connection_,
+                 options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts, has_accounts_));
 }
 Connect NatsWires::from_edge(const TierId& edge) const {
-  return connect(connection_, with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::opens)));
+  return connect(connection_,
+                 with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::opens, has_accounts_)));
 }
 Connect NatsWires::at_cloud(const TierId& edge) const {
-  return connect(connection_, with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::accepts)));
+  return connect(connection_,
+                 with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::accepts, has_accounts_)));
 }
 
 void ServedWires::keep() {

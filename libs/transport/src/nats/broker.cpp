@@ -109,6 +109,11 @@ fs::path find_broker(const fs::path& program) {
               "apt-get install --no-install-recommends nats-server, or name a broker that runs elsewhere");
 }
 
+std::string broker_configuration(const BrokerOptions& options) {
+  MAPWEAVE_EXPECT(options.port > 0, "a server that others start has a port");
+  return configuration_of(options, options.port, options.leaf_port.value_or(0)).dump(2) + "\n";
+}
+
 struct Broker::State {
   BrokerOptions options;
   fs::path program;

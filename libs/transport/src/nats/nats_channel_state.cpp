@@ -275,14 +275,18 @@ void NatsChannel::State::ensure_streams(const std::vector<std::size_t>& prioriti
 void NatsChannel::State::ensure_consumers(const std::vector<std::size_t>& priorities) {
   for (const std::size_t priority : priorities) {
     Incoming& one = in[priority];
-    bool is_made = false;
+    bool is_made = false, is_new_stream = false;
     const bool works = try_to([&] {
+      is_new_stream = options.makes_streams && one.stream.ensure(kPatience);
       is_made = one.consumer.ensure(kPatience);
       if (!is_made && one.is_to_restart) one.consumer.restart(kPatience);
     });
     const std::lock_guard lock(mutex);
     one.is_sure = works;
     if (!works) continue;
+    // What was in the stream before is gone, and its sender does not learn of it: both ends begin anew.
+    if (is_new_stream && one.was_sure) receiver.close();
+    one.was_sure = true;
     one.asked_for = 0;
     one.is_to_restart = false;
     if (!is_made) continue;

@@ -37,7 +37,7 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
     NatsConsumer consumer;
     NatsStream stream;  // only to take away what was acknowledged
     std::unique_ptr<NatsInbox> inbox;
-    bool is_sure = false, is_to_restart = true;
+    bool is_sure = false, was_sure = false, is_to_restart = true;
     int asked_for = 0;  // messages that the broker may still deliver
     double asked_until_s = 0.0, purged_s = 0.0;
     bool has_new_acknowledged = false;

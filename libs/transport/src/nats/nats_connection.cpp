@@ -42,7 +42,7 @@ std::string random_name() {
 
 struct NatsConnection::State : std::enable_shared_from_this<State> {
   explicit State(NatsOptions given)
-      : options(std::move(given)), library(library_options(options)), root("_INBOX." + random_name()) {
+      : options(std::move(given)), library(library_options(options)), root(options.inbox + "." + random_name()) {
     shown.server = shown_url(options.url);
   }
 

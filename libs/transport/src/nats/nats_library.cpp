@@ -56,11 +56,14 @@ OptionsHandle library_options(const NatsOptions& options) {
   if (!options.user.empty())
     expect_ok(natsOptions_SetUserInfo(made, options.user.c_str(), options.password.c_str()), where, "");
   if (!options.token.empty()) expect_ok(natsOptions_SetToken(made, options.token.c_str()), where, "");
-  if (!options.ca.empty() || options.url.rfind("tls://", 0) == 0)
+  if (!options.ca.empty() || !options.ca_text.empty() || options.url.rfind("tls://", 0) == 0)
     expect_ok(natsOptions_SetSecure(made, true), where, "use a NATS client library with TLS");
   if (!options.ca.empty())
     expect_ok(natsOptions_LoadCATrustedCertificates(made, options.ca.c_str()), options.ca,
               "name a PEM file with certificates");
+  if (!options.ca_text.empty())
+    expect_ok(natsOptions_SetCATrustedCertificates(made, options.ca_text.c_str()), where,
+              "these are no certificates: have new keys made");
   if (!options.certificate.empty() || !options.key.empty())
     expect_ok(natsOptions_LoadCertificatesChain(made, options.certificate.c_str(), options.key.c_str()),
               options.certificate, "name a PEM file with a certificate, and one with its key");

@@ -22,7 +22,8 @@ struct LiveWireOptions {
 };
 
 struct LiveOptions {
-  std::string broker = "nats://127.0.0.1:4222", store = "mapweave-store";
+  std::string broker = "nats://127.0.0.1:4222", keys, store = "mapweave-store";
+  bool unprotected = false;
   double speed = 1.0;
   double preview_period_s = 5.0;
   int robot_buffer_kb = 262144;
@@ -35,6 +36,12 @@ struct LiveOptions {
   void describe(Visitor& v) {
     v.text("broker", broker,
            "NATS server with JetStream through which robots, edges and the cloud talk (serve): nats://host:port");
+    v.text("keys", keys,
+           "file that `mapweave serve keys` made for this program: its user, its password and the certificate by which "
+           "it knows the broker (serve); empty: none, for a broker on this machine");
+    v.flag("unprotected", unprotected,
+           "talk to a broker on another machine without keys (serve): whoever reaches it can read all maps, and send "
+           "others");
     v.text(
         "store", store,
         "folder in which edges and the cloud keep what they received until the results are written (serve), relative "

@@ -13,9 +13,10 @@ namespace mapweave::runtime {
 // All calls are thread-safe.
 class NatsWires {
  public:
-  // Throws Error: kMissing where the broker does not answer in time, kUnsupported where it has no JetStream, kBadInput
-  // for an address that cannot be.
-  NatsWires(const std::string& broker, std::chrono::milliseconds patience);
+  // By `broker`, `keys` and `unprotected`. Throws Error: kMissing where the broker does not answer in time,
+  // kUnsupported where it has no JetStream, kBadInput for an address that cannot be, for keys that it does not accept
+  // or that are none, and for another machine without keys, unless it may be unprotected.
+  NatsWires(const LiveOptions& options, std::chrono::milliseconds patience);
 
   // Ends that open: for LiveRobot, and for LiveEdge.
   Connect from_robot(const RobotId& robot, const TierId& edge) const;
@@ -26,6 +27,7 @@ class NatsWires {
 
  private:
   std::shared_ptr<transport::NatsConnection> connection_;
+  bool has_accounts_ = false;
 };
 
 // Channels that one program serves: each is made anew where it was closed. Not thread-safe.

@@ -38,6 +38,10 @@ struct BrokerOptions {
 // Throws Error(kMissing) where there is none: names the Debian package.
 std::filesystem::path find_broker(const std::filesystem::path& program = {});
 
+// The configuration file of a server with these options, for who starts it elsewhere. Paths stand in it as given.
+// Contract: a port.
+std::string broker_configuration(const BrokerOptions& options);
+
 // Not thread-safe. The child is killed with this process, however it ends.
 class Broker {
  public:

@@ -51,6 +51,8 @@ struct NatsChannelOptions {
   // other end is not informed.
   double linger_s = 0.5;
   LinkEnd link_end = LinkEnd::broker;
+  // The accepting end makes the streams of both directions: of brokers where the other end may make none.
+  bool makes_streams = false;
 };
 
 // What an operator wants to know of one end.

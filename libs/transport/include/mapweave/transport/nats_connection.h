@@ -15,7 +15,8 @@ namespace mapweave::transport {
 struct NatsOptions {
   std::string url = "nats://127.0.0.1:4222";
   std::string user, password, token;
-  std::string ca, certificate, key;
+  std::string ca, ca_text, certificate, key;
+  std::string inbox = "_INBOX";
   double connect_s = 5.0;
   double least_wait_s = 0.1, most_wait_s = 5.0;
   double silence_s = 15.0;
@@ -28,6 +29,8 @@ struct NatsOptions {
     v.text("password", password, "password of the account's user");
     v.text("token", token, "token in place of user and password; empty: none");
     v.text("ca", ca, "PEM file with the certificates that the broker's must be signed by; turns TLS on");
+    v.text("ca_text", ca_text, "the same certificates as text in place of a file");
+    v.text("inbox", inbox, "what subjects begin with on which answers come: those that the user may receive");
     v.text("certificate", certificate, "PEM file with this program's certificate, for brokers that ask for one");
     v.text("key", key, "PEM file with the private key of the certificate");
     v.number("connect_s", connect_s, 0.1, 60.0, "longest time in seconds that one attempt to connect may take");

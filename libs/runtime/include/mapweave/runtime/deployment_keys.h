@@ -1,0 +1,30 @@
+#pragma once
+// Who may do what at the broker of a deployment: a user for each robot, each edge and the cloud. A robot publishes on
+// its own subjects only, an edge on its own and those of its robots; only edges and the cloud make streams.
+
+#include <mapweave/runtime/run_configuration.h>
+#include <mapweave/transport/broker.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+// What a program needs to be let in: the content of the file that `live.keys` names.
+struct ProgramKeys {
+  std::string user, password;
+  std::string authority;  // PEM: the certificate that the broker's must be signed by
+};
+
+// As JSON.
+std::string encode(const ProgramKeys& keys);
+// Throws Error: what read_file() throws, and kBadInput for what is no such file.
+ProgramKeys read_program_keys(const std::filesystem::path& file);
+
+// "robot-alpha", "edge-north", "cloud", without passwords.
+std::vector<transport::BrokerUser> users_of(const RunPlan& plan);
+// What the subjects begin with on which a user receives answers, and nobody else.
+std::string inbox_of(const std::string& user);
+
+}  // namespace mapweave::runtime

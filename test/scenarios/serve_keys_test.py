@@ -1,0 +1,114 @@
+"""A deployment whose broker lets in only its own programs: certificates and users made by `serve keys`."""
+import json
+import socket
+import ssl
+import stat
+import subprocess
+import time
+import unittest
+
+import serve_test
+import support
+
+WORLD = """\
+laser: {rays: 91, scans_per_second: 2.0}
+robots:
+  - {id: alpha, edge: north, length_m: 8, first_room: 0}
+  - {id: beta, edge: north, length_m: 8, first_room: 1}
+"""
+
+
+class Broker:
+    """What a stranger sees who speaks NATS by hand."""
+
+    def __init__(self, port, keys):
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=20)
+        assert b"INFO" in self.socket.recv(65536)
+        context = ssl.create_default_context(cadata=keys["authority"])
+        self.socket = context.wrap_socket(self.socket, server_hostname="127.0.0.1")
+        self.socket.settimeout(20)
+        login = {"user": keys["user"], "pass": keys["password"], "verbose": False, "pedantic": False, "tls_required": True, "lang": "test", "version": "1"}
+        self.socket.sendall(b"CONNECT " + json.dumps(login).encode() + b"\r\nPING\r\n")
+
+    def answer(self, *commands):
+        """All that it says until it answers a ping after these commands, or ends."""
+        self.socket.sendall("".join(f"{command}\r\n" for command in (*commands, "PING")).encode())
+        said = b""
+        pongs = 2 if not hasattr(self, "asked") else 1
+        self.asked = True
+        while said.count(b"PONG") < pongs and (some := self.socket.recv(65536)):
+            said += some
+        return said.decode()
+
+
+class ServeKeys(serve_test.WithBroker):
+    def make_keys(self, port, code=support.DONE):
+        return self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", port, "--out", "keys", code=code)
+
+    def start_guarded_broker(self, port):
+        broker = subprocess.Popen([serve_test.BROKER, "-c", "broker.conf"], cwd=self.folder / "keys", stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(broker.wait)
+        self.addCleanup(broker.kill)
+        end = time.monotonic() + 20 * support.PATIENCE
+        while True:
+            try:
+                return socket.create_connection(("127.0.0.1", port), timeout=1).close()
+            except OSError:
+                self.assertLess(time.monotonic(), end, "the broker does not start")
+                time.sleep(0.05)
+
+    def test_programs_with_keys_make_the_map_of_a_run_and_others_are_kept_out(self):
+        self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
+        self.mapweave("run", "logs/run.yaml", "--out", "run", code=(support.DONE, support.APART))
+        port = serve_test.free_port()
+        made = self.make_keys(port)
+        self.assertIn("4 users", made.stdout)
+        for path in (self.folder / "keys").iterdir():
+            self.assertEqual(stat.S_IMODE(path.stat().st_mode) & 0o077, 0, f"{path.name} can be read by others")
+        self.start_guarded_broker(port)
+        talk = ["--set", f"live.broker=nats://127.0.0.1:{port}", "--set", "live.speed=0"]
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk, "--set", "live.keys=keys/cloud.keys")
+        edge = self.start("serve", "edge", "logs/run.yaml", *talk, "--set", "live.keys=keys/edge-north.keys")
+        robots = [self.start("serve", "robot", "logs/run.yaml", "--name", name, *talk, "--set", f"live.keys=keys/robot-{name}.keys")
+                  for name in ("alpha", "beta")]
+        for robot in robots:
+            self.end(robot)
+        self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
+        self.end(edge)
+        self.assert_same_map("live", "run")
+
+        keys = self.read_json("keys/robot-alpha.keys")
+        alpha = Broker(port, keys)
+        self.assertNotIn("Violation", alpha.answer("PUB mw.edge_north_up.0.alpha 1\r\nx"))
+        for subject in ("mw.edge_north_up.0.beta", "mw.cloud_north_up.0.north", "$JS.API.STREAM.DELETE.edge_north_up_0", "$JS.API.STREAM.CREATE.edge_north_up_0",
+                        "$JS.API.CONSUMER.MSG.NEXT.cloud_north_up_0.north"):
+            self.assertIn("Permissions Violation for Publish", alpha.answer(f"PUB {subject} 1\r\nx"), subject)
+        for subject in ("_INBOX.>", "mw.>", ">", "_INBOX_robot-beta.>"):
+            self.assertIn("Permissions Violation for Subscription", alpha.answer(f"SUB {subject} 1"), subject)
+        self.assertIn("Authorization Violation", Broker(port, {**keys, "password": "wrong"}).answer())
+
+    def test_keys_stay_where_robots_are_added_and_what_is_wrong_is_said(self):
+        self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
+        self.make_keys(4222)
+        before = {path.name: path.read_bytes() for path in (self.folder / "keys").glob("*.keys")}
+        run = self.folder / "logs/run.yaml"
+        run.write_text(run.read_text() + '  - {id: "gamma", log: "alpha.rawlog", edge: "south"}\n')
+        self.assertIn("6 users, 4 of them known before", self.make_keys(4222).stdout)
+        for name, content in before.items():
+            self.assertEqual((self.folder / "keys" / name).read_bytes(), content)
+        configuration = self.read_json("keys/broker.conf")
+        self.assertEqual({user["user"] for user in configuration["authorization"]["users"]},
+                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud"})
+        done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "no host", "--out", "other", code=support.BAD_INPUT)
+        self.assert_says(done, "'no host' is neither a host's name nor an IP address")
+        far = ["serve", "robot", "logs/run.yaml", "--name", "alpha", "--set", "live.broker=nats://192.0.2.1:4222"]
+        self.assert_says(self.mapweave(*far, code=support.BAD_INPUT), "no keys", "serve keys", "live.unprotected")
+        self.assert_says(self.mapweave(*far, "--set", "live.keys=nowhere.keys", code=support.BAD_INPUT), "nowhere.keys")
+        self.write("broken.keys", '{"user": "robot-alpha"}')
+        self.assert_says(self.mapweave(*far, "--set", "live.keys=broken.keys", code=support.BAD_INPUT), "broken.keys", "password")
+        done = self.mapweave(*far, "--set", "live.unprotected=true", code=support.BAD_INPUT)
+        self.assert_says(done, "not protected", "can read all maps")
+
+
+if __name__ == "__main__":
+    support.main()
