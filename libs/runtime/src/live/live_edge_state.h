@@ -29,6 +29,7 @@ struct LiveEdge::State {
     std::size_t queue_bytes = 0;
     std::optional<tiers::RobotOutcome> outcome;
     bool has_ended = false;
+    std::optional<Clock::time_point> received_at;
     // Of its thread, but for `slam` under slam_mutex.
     std::mutex slam_mutex;
     std::optional<tiers::RobotSlam> slam;
