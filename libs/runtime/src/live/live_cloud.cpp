@@ -238,6 +238,11 @@ std::optional<Report> LiveCloud::wait(std::chrono::milliseconds patience) {
   return state_->report;
 }
 
+std::shared_ptr<const LivePreview> LiveCloud::preview() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->shown;
+}
+
 LiveCloudCounts LiveCloud::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);

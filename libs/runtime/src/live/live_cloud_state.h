@@ -53,6 +53,7 @@ struct LiveCloud::State {
   std::map<TierId, Edge> edges;
   std::list<Link> links;
   LiveCloudCounts counts;
+  std::shared_ptr<const LivePreview> shown;  // where the site keeps previews
   std::set<Hash> known;                      // what came already, whatever its number
   bool seals_now = false, ends = false;
   std::optional<Report> report;

@@ -241,6 +241,11 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
   link.wire->use(std::move(robot));
 }
 
+std::shared_ptr<const LivePreview> LiveEdge::preview() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->shown;
+}
+
 LiveEdgeCounts LiveEdge::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);

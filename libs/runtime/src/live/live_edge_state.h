@@ -58,6 +58,7 @@ struct LiveEdge::State {
   std::list<Link> links;
   std::optional<NumberedWire> cloud;
   LiveEdgeCounts counts;
+  std::shared_ptr<const LivePreview> shown;                 // where the site keeps previews
   std::deque<Said> requests;                                // of the cloud
   std::vector<std::pair<std::string, std::string>> finals;  // what the final map rests on: subjects and bytes
   bool begins_rounds = false;                               // the cloud knows of no preview

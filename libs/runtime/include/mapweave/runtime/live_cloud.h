@@ -42,6 +42,7 @@ class LiveCloud {
   // good (Error), and Interrupted where an interruption ended it.
   std::optional<Report> wait(std::chrono::milliseconds patience);
   LiveCloudCounts counts() const;
+  std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge
 
  private:
   struct State;

@@ -4,6 +4,7 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/live_preview.h>
 #include <mapweave/runtime/live_robot.h>
 
 #include <filesystem>
@@ -19,6 +20,7 @@ struct LiveSite {
   WorkerPool& pool;
   Progress& progress;
   std::optional<std::filesystem::path> journal = {};
+  bool keeps_previews = false;  // for preview()
 };
 
 struct LiveEdgeCounts {
@@ -56,6 +58,8 @@ class LiveEdge {
   // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
   void serve(std::shared_ptr<transport::Channel> robot);
   LiveEdgeCounts counts() const;
+  // The last one; null while there is none, and where none is kept.
+  std::shared_ptr<const LivePreview> preview() const;
 
  private:
   struct State;
