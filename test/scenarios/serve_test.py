@@ -177,9 +177,12 @@ class Serve(support.Scenario):
                 maps.append(event["maps"])
                 self.assertEqual(sorted(tiers), [("cloud", "cloud"), ("edge", "north"), ("edge", "south"),
                                                  ("robot", "alpha"), ("robot", "beta"), ("robot", "gamma")])
-            shown = json.loads(ask(port, "/maps.json")[1])
+            while not (shown := json.loads(ask(port, "/maps.json")[1]))["maps"]:   # they are small at first
+                next_event(stream)
             self.assertGreater(shown["number"], 0)
-            self.assertTrue(any(one["trajectories"] and one["grid"]["levels"][0]["png"].startswith("data:image/png") for one in shown["maps"]))
+            for one in shown["maps"]:
+                self.assertTrue(one["trajectories"])
+                self.assertTrue(one["grid"]["levels"][0]["png"].startswith("data:image/png"))
             links = {link["name"]: link for link in json.loads(ask(port, "/status.json")[1])["tiers"][0]["links"]}
             self.assertTrue(links["north"]["is_on_wire"] and links["south"]["is_on_wire"])
             metrics = ask(port, "/metrics")[1]

@@ -91,7 +91,7 @@ function liveMapSection() {
     drawings = run.maps.map((_, index) => drawingOf(index));
     place.replaceChildren(...(drawings.length === 0 ? [make('p', {}, 'There is no map yet: the first one comes with the first preview.')] :
       [drawings[0].figure, bar, make('div', { class: 'figures' }, drawings.slice(1).map((drawing) => drawing.figure)),
-        make('p', { class: 'small soft hint' }, 'Arrows are robots, where the last preview has them. Drag to move; click the map first, then the wheel zooms. Keys: arrows, + and −, 0 for the whole map.')]));
+        make('p', { class: 'small soft hint' }, 'Arrows are robots, where the last preview has them; straight lines are joins: places that two robots saw. Drag to move; click the map first, then the wheel zooms. Keys: arrows, + and −, 0 for the whole map.')]));
   }
   live.mapsChanged = () => {
     if (drawings.length !== run.maps.length || drawings.length === 0) arrange();

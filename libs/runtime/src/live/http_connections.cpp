@@ -1,5 +1,7 @@
 #include "http_connections.h"
 
+#include <mapweave/core/log.h>
+
 #include <poll.h>
 
 #include <algorithm>
@@ -122,11 +124,13 @@ BoundedServer::BoundedServer(int threads) {
 
 bool BoundedServer::process_and_close_socket(socket_t socket) {
   Connection connection(socket, ends_);
-  bool is_closed = false;
+  bool is_closed = false, is_done = false;
   if (!connection.is_readable()) return false;
-  // Many ranges of one text would be many copies of it.
-  const bool is_done =
-      process_request(connection, true, is_closed, [](httplib::Request& request) { request.ranges.clear(); });
+  try {  // many ranges of one text would be many copies of it
+    is_done = process_request(connection, true, is_closed, [](httplib::Request& request) { request.ranges.clear(); });
+  } catch (const std::exception& error) {
+    log(LogLevel::debug, "a request for the page was given up: " + std::string(error.what()));
+  }
   connection.finish();
   return is_done;
 }
