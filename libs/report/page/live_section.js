@@ -136,14 +136,16 @@ async function takeMaps(number) {
 function robotsSection() {
   return redrawn(() => {
     const known = tiers().flatMap((tier) => tier.links.filter((link) => link.role === 'robot').map((link) => ({ tier, link })));
+    const isEdge = tiers().every((tier) => tier.role === 'edge');  // which knows its own robots alone
     const rows = run.robots.map(({ name }, index) => {
       const at = known.find(({ link }) => link.name === name), itself = tiers().find((tier) => tier.role === 'robot' && tier.name === name);
       const map = run.maps.find((one) => one.trajectories.some((trajectory) => trajectory.robot === index));
       const path = map && poses(map.trajectories.find((trajectory) => trajectory.robot === index)), last = path ? path.x.length - 1 : -1;
+      if (isEdge && !at) return null;
       const state = itself ? itself.state : !at ? '' : !at.link.is_needed ? 'has ended' : at.link.is_on_wire ? 'on the wire' : 'not on the wire';
       return [make('span', {}, sample(lookOf(index)), ' ', name), state, at ? at.tier.name : '', at ? String(at.link.counts.scans) : '',
         at ? amount(at.link.counts.queue_bytes) : '', itself ? amount(itself.counts.waiting_bytes) : '', map ? map.title : '', last >= 0 ? `${fixed(path.x[last], 1)}, ${fixed(path.y[last], 1)}` : ''];
-    });
+    }).filter((row) => row !== null);
     const heads = ['Robot', 'State', 'Edge', '#Scans mapped', '#Waits to be mapped', '#Waits to be sent', 'In the map of', '#Last at x, y, m'];
     const used = heads.map((_, i) => i).filter((i) => i === 0 || rows.some((row) => row[i] !== ''));
     return [table(used.map((i) => heads[i]), rows.map((row) => used.map((i) => row[i])))];

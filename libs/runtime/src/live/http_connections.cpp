@@ -122,6 +122,14 @@ BoundedServer::BoundedServer(int threads) {
   });
 }
 
+int BoundedServer::open(const std::string& host, int port) {
+  constexpr int kWaitingInSystem = 64;  // the library has room for 5, and who finds none tries again a second later
+  errno = 0;
+  const int bound = port == 0 ? bind_to_any_port(host) : bind_to_port(host, port) ? port : -1;
+  if (bound >= 0) ::listen(svr_sock_, kWaitingInSystem);
+  return bound;
+}
+
 bool BoundedServer::process_and_close_socket(socket_t socket) {
   Connection connection(socket, ends_);
   bool is_closed = false, is_done = false;

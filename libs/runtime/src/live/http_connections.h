@@ -18,6 +18,8 @@ class BoundedServer : public httplib::Server {
   // As many requests at once; as many connections again may wait for them, others wait in the system. Listens on no
   // port that another program listens on.
   explicit BoundedServer(int threads);
+  // The port that it will listen on, of `port` 0 any that is free; -1: it cannot, and errno says why.
+  int open(const std::string& host, int port);
   // From any thread. What can be written at once is still written; everything else ends.
   void end() { ends_ = true; }
   bool ends() const { return ends_; }

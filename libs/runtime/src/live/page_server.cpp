@@ -103,8 +103,7 @@ PageServer::State::State(const std::string& host, int port, PageSource of)
     response.status = 500;
     response.set_content("this cannot be shown now; the program's messages may say why\n", kText);
   });
-  errno = 0;
-  const int bound = port == 0 ? server->bind_to_any_port(host) : server->bind_to_port(host, port) ? port : -1;
+  const int bound = server->open(host, port);
   if (bound < 0) {
     const std::string why = errno != 0 ? std::strerror(errno) : "no such address";
     throw Error(ErrorCode::kBadInput, "the page cannot be shown there: " + why, host + ":" + std::to_string(port),
