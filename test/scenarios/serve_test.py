@@ -170,7 +170,7 @@ class Serve(support.Scenario):
         self.assertEqual(ask(port, "/healthz"), (200, "ok\n"))
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/events", timeout=60 * support.PATIENCE) as stream:
             scans, maps = [], []
-            while not (maps and maps[-1] > 0 and scans[-1] > scans[0] > 0):
+            while not (maps and maps[-1] > 0 and scans[-1] > min(scans)):
                 event = next_event(stream)
                 tiers = {(tier["role"], tier["name"]): tier for tier in event["status"]["tiers"]}
                 scans.append(tiers["robot", "alpha"]["counts"]["scans"])
