@@ -13,6 +13,8 @@
 #include <mapweave/runtime/nats_wires.h>
 #include <mapweave/runtime/sensor_choice.h>
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <memory>
 #include <thread>
@@ -79,6 +81,20 @@ void remove_journal(const std::filesystem::path& journal) {
   std::filesystem::remove(journal.parent_path(), ignored);  // where it was the last one
 }
 
+bool shows(const Deployment& deployment) { return deployment.live().page_port != 0; }
+
+// Null: no page is wanted. Tier: LiveEdge or LiveCloud.
+template <class Tier>
+std::unique_ptr<runtime::PageServer> page_if_wanted(const Deployment& deployment, const std::string& title,
+                                                    Progress& progress, const Tier& tier,
+                                                    std::function<nlohmann::ordered_json()> status) {
+  if (!shows(deployment)) return nullptr;
+  runtime::PageSource source = page_of(title, deployment.loaded.configuration, deployment.plan);
+  source.status = std::move(status);
+  source.preview = [&tier] { return tier.preview(); };
+  return show_page(deployment.live().page_host, deployment.live().page_port, std::move(source), progress);
+}
+
 ExitCode serve_robot(const Arguments& arguments) {
   StopSignals signals;
   Deployment deployment = load_deployment(arguments);
@@ -121,6 +137,7 @@ ExitCode serve_robot(const Arguments& arguments) {
 ExitCode serve_edge(const Arguments& arguments) {
   StopSignals signals;
   Deployment deployment = load_deployment(arguments);
+  const RunningSince since(deployment.live());
   std::vector<std::string> names;
   for (const TierId& edge : deployment.plan.edges) names.push_back(edge.str());
   const TierId name(chosen("edge", arguments.name, names));
@@ -129,12 +146,17 @@ ExitCode serve_edge(const Arguments& arguments) {
   const runtime::NatsWires wires(deployment.live(), kToConnect);
   const auto journal = journal_in(deployment.live(), name.str());
   {
-    runtime::LiveEdge edge(
-        name, {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress, journal},
-        wires.from_edge(name));
+    runtime::LiveEdge edge(name,
+                           {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
+                            journal, shows(deployment)},
+                           wires.from_edge(name));
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
       if (robot.edge == name) robots.add(wires.at_edge(robot.id, name));
+    const auto page = page_if_wanted(deployment, "mapweave serve edge " + name.str(), *progress, edge, [&] {
+      const runtime::StatusTerms terms = since.terms();
+      return runtime::program_status("edge", name.str(), {runtime::tier_status(name, edge.counts(), terms)}, terms);
+    });
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
     while (!edge.counts().is_done) {
       robots.keep();
@@ -152,17 +174,22 @@ ExitCode serve_edge(const Arguments& arguments) {
 ExitCode serve_cloud(const Arguments& arguments) {
   StopSignals signals;
   Deployment deployment = load_deployment(arguments);
+  const RunningSince since(deployment.live());
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
   const runtime::NatsWires wires(deployment.live(), kToConnect);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
   {
-    runtime::LiveCloud cloud(
-        {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress, journal},
-        {arguments.flags.out, arguments.flags.force, true});
+    runtime::LiveCloud cloud({deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
+                              journal, shows(deployment)},
+                             {arguments.flags.out, arguments.flags.force, true});
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
     for (const TierId& edge : deployment.plan.edges) edges.add(wires.at_cloud(edge));
+    const auto page = page_if_wanted(deployment, "mapweave serve cloud", *progress, cloud, [&] {
+      const runtime::StatusTerms terms = since.terms();
+      return runtime::program_status("cloud", "cloud", {runtime::tier_status(cloud.counts(), terms)}, terms);
+    });
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
     report = wait_for_results(
         cloud, signals, [&] { cloud.seal_now(); }, [&] { edges.keep(); });
@@ -254,6 +281,11 @@ Action set_up_serve(CLI::App& verb) {
   demo->add_option("--speed", arguments->demo.speed, "how many times faster than real the robots drive")
       ->check(number(0.0))
       ->type_name("X")
+      ->capture_default_str();
+  demo->add_option("--port", arguments->demo.port,
+                   "port of the page that shows what happens, on this machine alone; 0: any that is free")
+      ->check(whole_number(0, 65535))
+      ->type_name("PORT")
       ->capture_default_str();
   demo->add_flag("--force", arguments->demo.force, "replace an old folder of results");
   demo->add_flag("--json", arguments->demo.json, "print the summary as JSON");

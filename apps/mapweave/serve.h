@@ -5,8 +5,12 @@
 
 #include <mapweave/core/exit_code.h>
 #include <mapweave/runtime/live_cloud.h>
+#include <mapweave/runtime/live_status.h>
+#include <mapweave/runtime/page_server.h>
 
+#include <chrono>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -20,11 +24,30 @@ std::string joint_in_words(const std::vector<std::vector<MapId>>& joint);
 runtime::Report wait_for_results(runtime::LiveCloud& cloud, StopSignals& signals, const std::function<void()>& asked,
                                  const std::function<void()>& now_and_then);
 
+// Since when a program runs, and who is missing for it.
+class RunningSince {
+ public:
+  explicit RunningSince(const runtime::LiveOptions& live) : patience_s_(live.patience_s) {}
+  runtime::StatusTerms terms() const {
+    return {patience_s_, std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count()};
+  }
+
+ private:
+  double patience_s_;
+  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+};
+
+// What a page shows of maps and robots; `status` and `preview` are its program's to add.
+runtime::PageSource page_of(const std::string& title, const runtime::RunConfiguration&, const runtime::RunPlan&);
+// Shows it, and says where; warns where others than this machine reach it. port 0: any that is free.
+std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port, runtime::PageSource, Progress&);
+
 // serve demo: all of it on this machine.
 struct DemoArguments {
   std::filesystem::path out = "mapweave-demo";
   bool force = false, json = false;
   double speed = 1.0;
+  int port = 0;  // of its page; 0: any that is free
 };
 ExitCode serve_demo(const DemoArguments& arguments);
 

@@ -13,6 +13,8 @@
 #include <mapweave/simulation/simulate.h>
 #include <mapweave/transport/broker.h>
 
+#include <nlohmann/json.hpp>
+
 #include <stdlib.h>
 
 #include <algorithm>
@@ -81,11 +83,23 @@ fs::path logs_of_demo(const fs::path& out, WorkerPool& pool, Progress& progress)
   return logs;
 }
 
+using DemoEdges = std::map<TierId, std::unique_ptr<runtime::LiveEdge>>;
+using DemoRobots = std::vector<std::unique_ptr<runtime::LiveRobot>>;
+
+nlohmann::ordered_json status_of_demo(const runtime::StatusTerms& terms, const runtime::RunPlan& plan,
+                                      const runtime::LiveCloud& cloud, const DemoEdges& edges,
+                                      const DemoRobots& robots) {
+  std::vector<nlohmann::ordered_json> tiers{runtime::tier_status(cloud.counts(), terms)};
+  for (const auto& [name, edge] : edges) tiers.push_back(runtime::tier_status(name, edge->counts(), terms));
+  for (std::size_t i = 0; i < robots.size(); ++i)
+    tiers.push_back(runtime::tier_status(plan.robots[i].id, plan.robots[i].edge, robots[i]->counts(), terms));
+  return runtime::program_status("demo", "demo", std::move(tiers), terms);
+}
+
 // Who is where, now and then.
 class DemoLines {
  public:
-  DemoLines(Progress& progress, const std::vector<std::unique_ptr<runtime::LiveRobot>>& robots,
-            const runtime::LiveCloud& cloud, const runtime::RunPlan& plan)
+  DemoLines(Progress& progress, const DemoRobots& robots, const runtime::LiveCloud& cloud, const runtime::RunPlan& plan)
       : progress_(progress), robots_(robots), cloud_(cloud), plan_(plan) {}
   void show() {
     const auto now = std::chrono::steady_clock::now();
@@ -104,7 +118,7 @@ class DemoLines {
 
  private:
   Progress& progress_;
-  const std::vector<std::unique_ptr<runtime::LiveRobot>>& robots_;
+  const DemoRobots& robots_;
   const runtime::LiveCloud& cloud_;
   const runtime::RunPlan& plan_;
   std::chrono::steady_clock::time_point next_{};
@@ -129,15 +143,16 @@ ExitCode serve_demo(const DemoArguments& arguments) {
   runtime::choose_sensors(plan, configuration, pool);
   configuration.live.broker = broker.url();
   const runtime::NatsWires wires(configuration.live, kToConnect);
+  const RunningSince since(configuration.live);
   WorkerPool merging(available_processors());
   const auto site = [&](const std::string& name) {
-    return runtime::LiveSite{configuration, plan,      configuration.live,
-                             merging,       *progress, work.path() / (name + ".mwj")};
+    return runtime::LiveSite{configuration, plan, configuration.live, merging, *progress, work.path() / (name + ".mwj"),
+                             true};
   };
   runtime::LiveCloud cloud(site(runtime::cloud_tier().str()), {arguments.out, arguments.force, true});
   std::vector<runtime::ServedWires> served;
   served.emplace_back([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
-  std::map<TierId, std::unique_ptr<runtime::LiveEdge>> edges;
+  DemoEdges edges;
   for (const TierId& name : plan.edges) {
     edges[name] = std::make_unique<runtime::LiveEdge>(name, site(name.str()), wires.from_edge(name));
     served.front().add(wires.at_cloud(name));
@@ -146,10 +161,14 @@ ExitCode serve_demo(const DemoArguments& arguments) {
     for (const runtime::PlannedRobot& robot : plan.robots)
       if (robot.edge == name) robots.add(wires.at_edge(robot.id, name));
   }
-  std::vector<std::unique_ptr<runtime::LiveRobot>> robots;
+  DemoRobots robots;
   for (const runtime::PlannedRobot& robot : plan.robots)
     robots.push_back(std::make_unique<runtime::LiveRobot>(robot, configuration, configuration.live,
                                                           wires.from_robot(robot.id, robot.edge)));
+  runtime::PageSource source = page_of("mapweave serve demo", configuration, plan);
+  source.preview = [&] { return cloud.preview(); };
+  source.status = [&] { return status_of_demo(since.terms(), plan, cloud, edges, robots); };
+  const auto page = show_page(configuration.live.page_host, arguments.port, std::move(source), *progress);
   progress->say("a broker, a cloud, " + std::to_string(edges.size()) + " edges and " + std::to_string(robots.size()) +
                 " robots run; Ctrl-C ends the drives and writes the map, and again ends at once");
   DemoLines lines(*progress, robots, cloud, plan);

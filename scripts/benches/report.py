@@ -26,7 +26,8 @@ def page_text(title, data):
     style = (PAGE / "page.css").read_text()
     script = "(() => {\n'use strict';\n" + "".join((PAGE / name).read_text() for name in SCRIPTS) + "})();\n"
     escaped = json.dumps(data, allow_nan=False).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-    values = {"title": html.escape(title), "style": style, "style hash": policy_hash(style), "script": script, "script hash": policy_hash(script), "data": escaped}
+    values = {"title": html.escape(title), "style": style, "style hash": policy_hash(style), "script": script, "script hash": policy_hash(script), "data": escaped,
+              "connections": "", "footer": "Written by mapweave. This file holds everything that it shows and loads nothing."}
     return re.sub(r"\{\{([a-z ]+)\}\}", lambda found: values[found.group(1)], (PAGE / "page.html").read_text())
 
 

@@ -86,7 +86,8 @@ struct LiveTeam : testing::Test {
 
   LiveSite site(const std::string& journal) {
     return {configuration, plan,    options,
-            pool,          *silent, journal.empty() ? std::nullopt : std::optional(folder / (journal + ".mwj"))};
+            pool,          *silent, journal.empty() ? std::nullopt : std::optional(folder / (journal + ".mwj")),
+            keeps_previews};
   }
   void start_cloud(const std::string& journal = "") { cloud = std::make_unique<LiveCloud>(site(journal), settings); }
   void start_edge(const std::string& name, const std::string& journal = "") {
@@ -156,6 +157,7 @@ struct LiveTeam : testing::Test {
   RunConfiguration configuration = three_robots_configuration();
   RunPlan plan = make_plan(configuration, {});
   LiveOptions options;
+  bool keeps_previews = false;
   WorkerPool pool{2};
   std::unique_ptr<Progress> silent = make_silent_progress();
   Badness badness;
@@ -194,8 +196,10 @@ TEST_F(LiveTeam, does_not_mind_in_which_order_its_programs_start) {
   std::this_thread::sleep_for(300ms);
   start_edge("north", "north");
   await([&] { return edges.at("south")->counts().is_fused; });
+  EXPECT_FALSE(edges.at("south")->counts().is_cloud_on_wire || edges.at("south")->counts().cloud_silent_s);
   start_cloud("cloud");
   result();
+  EXPECT_EQ(cloud->preview(), nullptr) << "nobody asked for it";
   expect_as_run();
 }
 
@@ -269,8 +273,17 @@ TEST_F(LiveTeam, takes_maps_that_robots_made_on_board) {
   EXPECT_EQ(merges_of(settings.out), merges_of(run));
 }
 
+std::size_t nodes_of(const std::shared_ptr<const LivePreview>& preview, const std::string& robot) {
+  std::size_t count = 0;
+  if (preview != nullptr)
+    for (const LivePreview::Part& part : preview->parts)
+      for (const auto& node : part.map.nodes) count += node.first.session.client.robot.str() == robot ? 1 : 0;
+  return count;
+}
+
 TEST_F(LiveTeam, shows_previews_while_robots_drive) {
   options.speed = 8.0;
+  keeps_previews = true;
   start_cloud();
   start_edge("north");
   start_edge("south");
@@ -278,6 +291,12 @@ TEST_F(LiveTeam, shows_previews_while_robots_drive) {
   await([&] { return cloud->counts().maps == 3u; });
   EXPECT_FALSE(cloud->counts().is_sealing);
   EXPECT_FALSE(robots.front()->is_done());
+  await(
+      [&] { return nodes_of(cloud->preview(), "beta") > 10 && nodes_of(edges.at("north")->preview(), "gamma") > 10; });
+  EXPECT_EQ(nodes_of(edges.at("north")->preview(), "beta"), 0u) << "it is of another edge";
+  EXPECT_GE(cloud->counts().previews, cloud->preview()->number);
+  EXPECT_LT(cloud->counts().edges.front().silent_s.value(), kPatience.count());
+  EXPECT_TRUE(edges.at("north")->counts().cloud_silent_s);
   await([&] { return !cloud->counts().joint.empty() || cloud->counts().is_sealing; });
   result();
   EXPECT_GT(edges.at("north")->counts().previews, 1u);

@@ -56,9 +56,9 @@ class Browser:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def open(self, path):
-        """Opens the file from disk; returns the seconds until it was drawn."""
+        """Opens the file from disk, or what http:// names; returns the seconds until it was drawn."""
         self.console, self.requests, self.events = [], [], []
-        url = pathlib.Path(path).resolve().as_uri()
+        url = path if str(path).startswith("http://") else pathlib.Path(path).resolve().as_uri()
         begin = time.monotonic()
         self.call("Page.navigate", url=url)
         self.wait_for("Page.loadEventFired")

@@ -1,13 +1,19 @@
 """Robots, edges and a cloud as programs of their own, through a broker on this machine: the map of a run, though one of them is killed."""
 import json
+import os
+import pathlib
 import re
 import shutil
 import signal
 import socket
 import subprocess
+import threading
 import time
 import unittest
+import urllib.error
+import urllib.request
 
+import browser
 import support
 
 BROKER = shutil.which("nats-server") or shutil.which("nats-server", path="/usr/sbin:/usr/local/bin")
@@ -31,6 +37,30 @@ def free_port():
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         return listener.getsockname()[1]
+
+
+def ask(port, path, method="GET"):
+    """Status and text of an answer; (0, "") where nobody listens yet."""
+    try:
+        request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", method=method, data=b"x" if method == "POST" else None)
+        with urllib.request.urlopen(request, timeout=60 * support.PATIENCE) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+    except urllib.error.URLError:
+        return 0, ""
+
+
+def findings(port):
+    text = ask(port, "/status.json")[1]
+    return json.dumps([tier["findings"] for tier in json.loads(text)["tiers"]]) if text else ""
+
+
+def next_event(stream):
+    for line in stream:
+        if line.startswith(b"data: "):
+            return json.loads(line[6:])
+    raise EOFError("the stream has ended")
 
 
 def without_seconds(value):
@@ -142,6 +172,103 @@ class Serve(WithBroker):
         self.assertTrue(all(robot["mapped"] for robot in summary["robots"]))
         self.assertIn("ended on request", json.dumps(summary["notes"]))
         self.assertIn("alpha", out)
+
+    def start_demo(self, port):
+        """It drives in real time; returns once its page answers."""
+        demo = self.start("serve", "demo", "--out", "demo", "--speed", 1, "--port", port)
+        read = []
+        for line in demo.stderr:
+            read.append(line)
+            if f"see http://127.0.0.1:{port}/" in line:
+                return demo
+        self.fail("the demo shows no page: " + "".join(read))
+
+    def test_the_demo_shows_a_page_that_is_live_and_ends_in_spite_of_who_looks(self):
+        port = free_port()
+        demo = self.start_demo(port)
+        drain = threading.Thread(target=demo.stderr.read, daemon=True)
+        drain.start()
+        status, page = ask(port, "/")
+        self.assertEqual(status, 200)
+        self.assertIn("mapweave serve demo", page)
+        self.assertEqual(ask(port, "/nothing")[0], 404)
+        self.assertEqual(ask(port, "/", method="POST")[0], 405)
+        self.assertEqual(ask(port, "/healthz"), (200, "ok\n"))
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/events", timeout=60 * support.PATIENCE) as stream:
+            scans, maps = [], []
+            while not (maps and maps[-1] > 0 and scans[-1] > min(scans)):
+                event = next_event(stream)
+                tiers = {(tier["role"], tier["name"]): tier for tier in event["status"]["tiers"]}
+                scans.append(tiers["robot", "alpha"]["counts"]["scans"])
+                maps.append(event["maps"])
+                self.assertEqual(sorted(tiers), [("cloud", "cloud"), ("edge", "north"), ("edge", "south"),
+                                                 ("robot", "alpha"), ("robot", "beta"), ("robot", "gamma")])
+            while not (shown := json.loads(ask(port, "/maps.json")[1]))["maps"]:   # they are small at first
+                next_event(stream)
+            self.assertGreater(shown["number"], 0)
+            for one in shown["maps"]:
+                self.assertTrue(one["trajectories"])
+                self.assertTrue(one["grid"]["levels"][0]["png"].startswith("data:image/png"))
+            links = {link["name"]: link for link in json.loads(ask(port, "/status.json")[1])["tiers"][0]["links"]}
+            self.assertTrue(links["north"]["is_on_wire"] and links["south"]["is_on_wire"])
+            metrics = ask(port, "/metrics")[1]
+            self.assertRegex(metrics, r'(?m)^mapweave_link_scans_total\{role="edge",tier="north",peer_role="robot",peer="alpha"\} [1-9]')
+            self.assertRegex(metrics, r"(?m)^mapweave_healthy 1$")
+            guide = (support.ROOT / "apps/mapweave/guide/live.md").read_text()
+            self.assertEqual([name for name in re.findall(r"(?m)^# TYPE (\S+)", metrics) if f"`{name}`" not in guide], [])
+            demo.send_signal(signal.SIGINT)
+            last = stream.read()   # until the program closes it
+            self.assertTrue(last.endswith(b"event: end\ndata: {}\n\n"), last[-200:])
+        self.assertIn(demo.wait(timeout=60 * support.PATIENCE), (support.DONE, support.APART))
+        drain.join(timeout=60)
+
+    @unittest.skipUnless(browser.chromium(), "chromium is not installed")
+    def test_the_page_draws_itself_anew_without_an_error(self):
+        port = free_port()
+        demo = self.start_demo(port)
+        drain = threading.Thread(target=demo.stderr.read, daemon=True)
+        drain.start()
+        with browser.Browser(seconds=60 * support.PATIENCE) as page:
+            page.open(f"http://127.0.0.1:{port}/")
+            self.wait_for(lambda: page.value("document.querySelectorAll('figure canvas').length") > 0, "no map is drawn")
+            before = page.value("document.getElementById('robots').textContent")
+            self.wait_for(lambda: page.value("document.getElementById('robots').textContent") != before, "nothing is new")
+            self.assertEqual(page.value("document.querySelectorAll('section tbody tr').length > 6"), True)
+            if os.environ.get("MAPWEAVE_SCREENSHOTS"):
+                page.screenshot(pathlib.Path(os.environ["MAPWEAVE_SCREENSHOTS"]) / "live.png", whole=True)
+            demo.send_signal(signal.SIGINT)
+            self.assertIn(demo.wait(timeout=60 * support.PATIENCE), (support.DONE, support.APART))
+            self.wait_for(lambda: "has ended" in page.value("document.getElementById('head').textContent"), "it does not know of the end")
+            self.assertEqual(page.console, [])
+            self.assertTrue(all(one.startswith(f"http://127.0.0.1:{port}/") for one in page.requests), page.requests)
+        drain.join(timeout=60)
+
+    def test_a_port_that_is_taken_is_said(self):
+        with socket.socket() as listener:
+            listener.bind(("127.0.0.1", 0))
+            listener.listen()
+            port = listener.getsockname()[1]
+            done = self.mapweave("serve", "demo", "--out", "demo", "--port", port, code=support.BAD_INPUT)
+        self.assert_says(done, f"127.0.0.1:{port}", "in use")
+        self.assert_nothing_left("demo")
+
+    def test_an_edge_and_a_cloud_show_pages_and_say_whom_they_miss(self):
+        self.simulate()
+        ports = {"cloud": free_port(), "edge": free_port()}
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.patience_s=0.5"]
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk, "--set", f"live.page_port={ports['cloud']}")
+        edge = self.start("serve", "edge", "logs/run.yaml", "--name", "south", *talk, "--set", f"live.page_port={ports['edge']}")
+        unhealthy = (503, "edge south: nobody")
+        self.wait_for(lambda: "robot beta never came" in findings(ports["edge"]), "the edge misses its robot")
+        self.wait_for(lambda: "edge north never came" in findings(ports["cloud"]) and "edge south" not in findings(ports["cloud"]), "the cloud misses an edge")
+        self.assertEqual(ask(ports["cloud"], "/healthz"), (200, "ok\n"), "an edge is there")
+        cloud.kill()
+        cloud.wait()
+        self.wait_for(lambda: ask(ports["edge"], "/healthz")[0] == unhealthy[0], "the edge is alone")
+        self.assertIn(unhealthy[1], ask(ports["edge"], "/healthz")[1])
+        edge.send_signal(signal.SIGINT)
+        self.assertIn("goes on from", edge.communicate(timeout=60 * support.PATIENCE)[1])
+        self.assertEqual(edge.returncode, support.INTERRUPTED)
 
     def test_what_is_wrong_is_said_at_the_start(self):
         self.simulate()

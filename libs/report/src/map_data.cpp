@@ -1,7 +1,9 @@
 #include "map_data.h"
 
 #include "grid_levels.h"
+#include "map_links.h"
 #include "trajectory_data.h"
+#include "view_bounds.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/hash.h>
@@ -88,15 +90,6 @@ void read_trajectories(ResultFiles& files, const std::vector<std::string>& robot
   if (files.has(file)) read(file, robot);
 }
 
-// Evenly picked ones of `links`.
-Json picked(const std::vector<Json>& links, std::size_t most) {
-  Json json = Json::array();
-  const std::size_t count = std::min(links.size(), most);
-  for (std::size_t i = 0; i < count; ++i) json.push_back(links[i * links.size() / count]);
-  return json;
-}
-
-// Places that a pose graph says are the same: of one robot (loops), of two (joins).
 void read_links(ResultFiles& files, ReportMap& map) {
   const std::string file = in(map.folder, "map.mwdb");
   if (!files.has(file)) {
@@ -106,38 +99,11 @@ void read_links(ResultFiles& files, ReportMap& map) {
   files.attempt(file, [&] {
     const mapdb::StoredMaps stored = mapdb::read_store(files.path(file));
     if (stored.maps.empty()) return;
-    const Map& graph = stored.maps.front();
-    std::vector<Json> loops, joins;
-    for (const auto& [key, constraint] : graph.constraints) {
-      const ConstraintId& id = constraint.id;
-      const Node *from = graph.nodes.find(id.from), *to = graph.nodes.find(id.to);
-      const bool is_of_two = id.from.session.client.robot != id.to.session.client.robot;
-      if (from == nullptr || to == nullptr || !(is_of_two || id.kind == ConstraintKind::loop)) continue;
-      const auto centimetres = [](double metres) { return std::llround(100.0 * metres); };
-      const Eigen::Vector3d &a = from->map_from_node.t, &b = to->map_from_node.t;
-      (is_of_two ? joins : loops)
-          .push_back({centimetres(a.x()), centimetres(a.y()), centimetres(b.x()), centimetres(b.y())});
-    }
-    const std::size_t most = map.kind == "team" ? 1500 : 200;
-    map.json["has_links"] = true;
-    map.json["loops"] = picked(loops, most);
-    map.json["loop_count"] = loops.size();
-    map.json["joins"] = picked(joins, most);
-    map.json["join_count"] = joins.size();
+    map.json.update(links_json(stored.maps.front(), map.kind == "team" ? 1500 : 200));
   });
 }
 
-struct Bounds {
-  double low_x = std::numeric_limits<double>::infinity(), low_y = low_x, high_x = -low_x, high_y = -low_x;
-  void add(double x, double y) {
-    low_x = std::min(low_x, x);
-    low_y = std::min(low_y, y);
-    high_x = std::max(high_x, x);
-    high_y = std::max(high_y, y);
-  }
-};
-
-void read_grid(ResultFiles& files, ReportMap& map, bool has_many, Bounds& bounds) {
+void read_grid(ResultFiles& files, ReportMap& map, bool has_many, ViewBounds& bounds) {
   if (!files.has(in(map.folder, "map.yaml"))) return;
   files.attempt(in(map.folder, "map.yaml"), [&] {
     const OccupancyGrid grid = exporters::read_map_server(files.path(in(map.folder, "map.yaml")));
@@ -145,12 +111,11 @@ void read_grid(ResultFiles& files, ReportMap& map, bool has_many, Bounds& bounds
     const bool is_main = map.kind == "team" || !has_many;
     const DrawnGrid drawn = drawn_grid(grid, is_main ? GridDetail{1000, 4000} : GridDetail{1000, 1000});
     map.json["grid"] = drawn.json;
-    bounds.add(drawn.low_x, drawn.low_y);
-    bounds.add(drawn.high_x, drawn.high_y);
+    bounds.add(drawn);
   });
 }
 
-void read_points(ResultFiles& files, ReportMap& map, Bounds& bounds) {
+void read_points(ResultFiles& files, ReportMap& map, ViewBounds& bounds) {
   for (const char* name : {"map.dense.pcd", "map.pcd"}) {
     const std::string file = in(map.folder, name);
     if (!map.points.empty() || !files.has(file)) continue;
@@ -229,7 +194,7 @@ std::vector<ReportMap> read_maps(ResultFiles& files, const std::vector<std::stri
   for (ReportMap& map : maps) {
     map.json = {{"kind", map.kind},       {"name", map.name},       {"title", map.title},        {"has_links", false},
                 {"loops", Json::array()}, {"joins", Json::array()}, {"conflicts", Json::array()}};
-    Bounds bounds;
+    ViewBounds bounds;
     read_grid(files, map, maps.size() > 1, bounds);
     read_points(files, map, bounds);
     read_picture(files, map);
@@ -237,12 +202,7 @@ std::vector<ReportMap> read_maps(ResultFiles& files, const std::vector<std::stri
     if (map.kind != "cameras") read_links(files, map);
     for (const RobotTrajectory& trajectory : map.trajectories)
       for (const evaluation::TrajectoryPoint& point : trajectory.poses) bounds.add(point.pose.t.x(), point.pose.t.y());
-    if (bounds.low_x > bounds.high_x) {
-      bounds.add(-1.0, -1.0);
-      bounds.add(1.0, 1.0);
-    }
-    map.json["view"] = {rounded(bounds.low_x, 2), rounded(bounds.low_y, 2), rounded(bounds.high_x, 2),
-                        rounded(bounds.high_y, 2)};
+    map.json["view"] = bounds.json();
   }
   files.attempt("merges.json", [&] { add_conflicts(maps, summary, merges); });
   return maps;

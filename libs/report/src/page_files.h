@@ -6,9 +6,9 @@
 
 namespace mapweave::report {
 
-enum class PageKind { run, plan };  // what the page shows
+enum class PageKind { run, plan, live };  // what the page shows
 
-std::string_view page_template();  // with {{title}}, {{style}}, {{script}}, {{data}} and the hashes of style and script
+std::string_view page_template();  // its {{...}} are what page_text() puts in
 std::string_view page_style();
 std::string page_script(PageKind);
 

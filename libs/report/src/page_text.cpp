@@ -7,6 +7,12 @@
 namespace mapweave::report {
 namespace {
 
+constexpr char kFileFooter[] = "Written by mapweave. This file holds everything that it shows and loads nothing.";
+constexpr char kLiveFooter[] =
+    "Shown by mapweave while it runs; this page asks that program alone. "
+    "Also here: <a href=\"status.json\">status.json</a>, <a href=\"metrics\">metrics</a>, "
+    "<a href=\"healthz\">healthz</a>.";
+
 // As a content security policy names what it allows.
 std::string policy_hash(const std::string& text) {
   const Hash hash = hash_of_bytes(text);
@@ -34,6 +40,8 @@ std::string page_text(PageKind kind, const std::string& title, const Json& data)
                                      {"style hash", policy_hash(style)},
                                      {"script", script},
                                      {"script hash", policy_hash(script)},
+                                     {"connections", kind == PageKind::live ? "; connect-src 'self'" : ""},
+                                     {"footer", kind == PageKind::live ? kLiveFooter : kFileFooter},
                                      {"data", script_json(data)}});
 }
 

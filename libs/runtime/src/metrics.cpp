@@ -1,7 +1,9 @@
 #include <mapweave/runtime/metrics.h>
 
 #include <sys/resource.h>
+#include <unistd.h>
 #include <ctime>
+#include <fstream>
 
 namespace mapweave::runtime {
 namespace {
@@ -22,6 +24,13 @@ double seconds_of(clockid_t clock) {
 
 double thread_cpu_seconds() { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
 double process_cpu_seconds() { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
+
+std::uint64_t rss_bytes() {
+  std::ifstream file("/proc/self/statm");
+  std::uint64_t all_pages = 0, resident_pages = 0;
+  file >> all_pages >> resident_pages;
+  return resident_pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+}
 
 std::uint64_t peak_rss_bytes() {
   return 1024 *

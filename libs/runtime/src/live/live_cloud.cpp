@@ -161,6 +161,7 @@ void LiveCloud::State::step(Clock::time_point now) {
       say_requests(link);
     }
     if (!link.is_closed) link.wire->step(now, link.edge != nullptr && link.edge->said.size() >= kMostSaid);
+    if (link.edge != nullptr) link.edge->received_at = link.wire->received_at();
     link.is_closed = link.is_closed || !link.wire->is_open();
     if (link.edge != nullptr)
       link.edge->has_all = link.wire->is_all_confirmed() && link.asked == link.edge->requests.size();
@@ -237,6 +238,11 @@ std::optional<Report> LiveCloud::wait(std::chrono::milliseconds patience) {
   return state_->report;
 }
 
+std::shared_ptr<const LivePreview> LiveCloud::preview() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->shown;
+}
+
 LiveCloudCounts LiveCloud::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);
@@ -249,7 +255,8 @@ LiveCloudCounts LiveCloud::counts() const {
     const bool is_on_wire =
         std::any_of(state.links.begin(), state.links.end(),
                     [&edge = edge](const State::Link& link) { return link.edge == &edge && !link.is_closed; });
-    counts.edges.push_back({name, edge.taken, edge.stored, is_on_wire, edge.has_fused, edge.has_all, edge.runs});
+    counts.edges.push_back({name, edge.taken, edge.stored, is_on_wire, edge.has_fused, edge.has_all, edge.runs,
+                            seconds_since(edge.received_at)});
   }
   return counts;
 }

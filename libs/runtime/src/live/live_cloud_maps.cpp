@@ -135,9 +135,12 @@ void LiveCloud::State::preview() {
   if (!rounds.has_news()) return;
   const std::unique_ptr<Progress> silent = make_silent_progress();
   std::vector<std::vector<MapId>> joint;
+  std::shared_ptr<const LivePreview> next;
   try {
-    for (const fusion::Component& component : rounds.fuse(site.pool, *silent).components)
+    const fusion::FusionResult& result = rounds.fuse(site.pool, *silent);
+    for (const fusion::Component& component : result.components)
       if (component.members.size() > 1) joint.push_back(component.members);
+    if (site.keeps_previews) next = preview_of(result, counts.previews + 1);
   } catch (const Interrupted&) {  // who was told to end ends this
     return;
   }
@@ -149,6 +152,7 @@ void LiveCloud::State::preview() {
       site.progress.say("the cloud's preview: one map of " + names);
     }
   ++counts.previews;
+  shown = std::move(next);
   counts.joint = std::move(joint);
   counts.maps = rounds.maps().size();
 }

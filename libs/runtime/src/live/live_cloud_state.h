@@ -28,6 +28,7 @@ struct LiveCloud::State {
     bool has_fused = false, has_all = false;
     std::deque<Said> said;      // for the merging thread
     bool is_forgotten = false;  // of its previews nothing counts any more
+    std::optional<Clock::time_point> received_at;
     // Of the merging thread.
     tiers::RoundNews news;
     std::vector<std::pair<std::string, std::string>> finals;  // not given to the merger yet
@@ -52,7 +53,8 @@ struct LiveCloud::State {
   std::map<TierId, Edge> edges;
   std::list<Link> links;
   LiveCloudCounts counts;
-  std::set<Hash> known;  // what came already, whatever its number
+  std::shared_ptr<const LivePreview> shown;  // where the site keeps previews
+  std::set<Hash> known;                      // what came already, whatever its number
   bool seals_now = false, ends = false;
   std::optional<Report> report;
   std::exception_ptr trouble;

@@ -162,6 +162,7 @@ void LiveEdge::State::step(Clock::time_point now) {
   for (Link& link : links) {
     if (link.robot != nullptr) link.wire->store(link.robot->stored);
     if (!link.is_closed) link.wire->step(now, link.robot != nullptr && link.robot->queue_bytes >= most);
+    if (link.robot != nullptr) link.robot->received_at = link.wire->received_at();
     link.is_closed = link.is_closed || !link.wire->is_open();
   }
   for (Link& link : links) {
@@ -240,11 +241,18 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
   link.wire->use(std::move(robot));
 }
 
+std::shared_ptr<const LivePreview> LiveEdge::preview() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->shown;
+}
+
 LiveEdgeCounts LiveEdge::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);
   LiveEdgeCounts counts = state.counts;
   counts.waiting_bytes = state.cloud->waiting_bytes();
+  counts.is_cloud_on_wire = state.cloud->is_open() && state.cloud->is_welcome();
+  if (state.cloud->other()) counts.cloud_silent_s = state.cloud->silent_s(Clock::now());
   for (const State::Link& link : state.links) {
     counts.unreadable += link.wire->counts().unreadable;
     counts.again += link.wire->counts().again;
@@ -259,6 +267,7 @@ LiveEdgeCounts LiveEdge::counts() const {
     one.lost_scans = robot.lost_scans;
     one.queue_bytes = robot.queue_bytes;
     one.has_ended = robot.has_ended;
+    one.silent_s = seconds_since(robot.received_at);
     one.is_on_wire = std::any_of(state.links.begin(), state.links.end(), [&robot = robot](const State::Link& link) {
       return link.robot == &robot && !link.is_closed;
     });

@@ -214,9 +214,13 @@ void LiveEdge::State::preview() {
   rounds->set_priors(priors(maps));
   const std::unique_ptr<Progress> silent = make_silent_progress();
   std::vector<std::vector<MapId>> joint;
-  for (const fusion::Component& component : rounds->fuse(site.pool, *silent).components)
+  const fusion::FusionResult& result = rounds->fuse(site.pool, *silent);
+  for (const fusion::Component& component : result.components)
     if (component.members.size() > 1) joint.push_back(component.members);
+  std::shared_ptr<const LivePreview> next;
+  if (site.keeps_previews) next = preview_of(result, counts.previews + 1);
   const std::lock_guard lock(mutex);
+  shown = std::move(next);
   ++counts.previews;
   counts.joint = std::move(joint);
   // What is new goes up later where much waits already.

@@ -30,6 +30,7 @@ struct LiveEdge::State {
     std::size_t queue_bytes = 0;
     std::optional<tiers::RobotOutcome> outcome;
     bool has_ended = false;
+    std::optional<Clock::time_point> received_at;
     // Of its thread, but for `slam` and `on_board` under slam_mutex.
     std::mutex slam_mutex;
     std::optional<tiers::RobotSlam> slam;
@@ -59,6 +60,7 @@ struct LiveEdge::State {
   std::list<Link> links;
   std::optional<NumberedWire> cloud;
   LiveEdgeCounts counts;
+  std::shared_ptr<const LivePreview> shown;                 // where the site keeps previews
   std::deque<Said> requests;                                // of the cloud
   std::vector<std::pair<std::string, std::string>> finals;  // what the final map rests on: subjects and bytes
   bool begins_rounds = false;                               // the cloud knows of no preview

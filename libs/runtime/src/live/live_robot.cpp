@@ -335,6 +335,7 @@ LiveRobotCounts LiveRobot::counts() const {
   counts.confirmed = state_->wire->confirmed();
   counts.waiting_bytes = state_->wire->waiting_bytes();
   counts.sent_bytes = state_->wire->counts().sent_bytes;
+  counts.is_edge_on_wire = state_->wire->is_open() && state_->wire->is_welcome();
   counts.silent_s = state_->wire->silent_s(Clock::now());
   counts.refusal = state_->wire->refusal();
   return counts;

@@ -20,6 +20,11 @@ namespace mapweave::runtime {
 
 using Clock = std::chrono::steady_clock;
 
+inline std::optional<double> seconds_since(const std::optional<Clock::time_point>& then) {
+  if (!then) return std::nullopt;
+  return std::chrono::duration<double>(Clock::now() - *then).count();
+}
+
 struct Said {
   std::string subject, bytes;
   std::uint64_t number = 0;  // from 1
@@ -53,7 +58,7 @@ class NumberedWire {
   bool is_open() const { return channel_ != nullptr && !channel_->is_closed(); }
   // It is there and takes what is said.
   bool is_welcome() const { return is_welcome_; }
-  // Since when it has said nothing; nothing while it speaks.
+  Clock::time_point received_at() const { return received_at_; }  // when it said something; at first when this began
   double silent_s(Clock::time_point now) const { return std::chrono::duration<double>(now - received_at_).count(); }
   // It says its receipts again and again: who has been silent for so long is not at the other end of this channel.
   bool is_dead(Clock::time_point now) const {

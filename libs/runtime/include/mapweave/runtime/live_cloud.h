@@ -14,6 +14,7 @@ struct LiveCloudCounts {
     bool is_on_wire = false, has_fused = false;  // has_fused: its final maps are all here
     bool has_all = false;                        // it has all that the cloud had to say to it
     std::uint64_t runs = 0;                      // how often it began
+    std::optional<double> silent_s;              // since it said something; none: it never did
   };
   std::vector<Edge> edges;                               // by id
   std::uint64_t refused = 0, unreadable = 0, again = 0;  // as LiveEdgeCounts
@@ -41,6 +42,7 @@ class LiveCloud {
   // good (Error), and Interrupted where an interruption ended it.
   std::optional<Report> wait(std::chrono::milliseconds patience);
   LiveCloudCounts counts() const;
+  std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge
 
  private:
   struct State;

@@ -4,6 +4,7 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/live_preview.h>
 #include <mapweave/runtime/live_robot.h>
 
 #include <filesystem>
@@ -19,6 +20,7 @@ struct LiveSite {
   WorkerPool& pool;
   Progress& progress;
   std::optional<std::filesystem::path> journal = {};
+  bool keeps_previews = false;  // for preview()
 };
 
 struct LiveEdgeCounts {
@@ -28,13 +30,16 @@ struct LiveEdgeCounts {
     std::uint64_t scans = 0, lost_scans = 0;          // of those mapped; that the robot had no room for
     std::size_t queue_bytes = 0;                      // that wait to be mapped
     bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
+    std::optional<double> silent_s;                   // since it said something; none: it never did
   };
   std::vector<Robot> robots;  // by id
   std::uint64_t refused = 0;  // hellos: of robots that are not its own, of a name that is here, of other versions
   std::uint64_t unreadable = 0, again = 0;  // messages: that cannot be decoded; that came before
   std::uint64_t previews = 0;
-  std::vector<std::vector<MapId>> joint;   // maps that are one in the last preview: two or more each
-  std::size_t waiting_bytes = 0;           // that the cloud has not stored
+  std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
+  std::size_t waiting_bytes = 0;          // that the cloud has not stored
+  bool is_cloud_on_wire = false;
+  std::optional<double> cloud_silent_s;    // as a robot's
   bool is_fused = false, is_done = false;  // all of its robots are in its map; the cloud has written the team's
   std::string trouble;                     // why it stores nothing, or cannot go on; empty: it does
 };
@@ -53,6 +58,8 @@ class LiveEdge {
   // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
   void serve(std::shared_ptr<transport::Channel> robot);
   LiveEdgeCounts counts() const;
+  // The last one; null while there is none, and where none is kept.
+  std::shared_ptr<const LivePreview> preview() const;
 
  private:
   struct State;

@@ -29,6 +29,8 @@ struct LiveOptions {
   int robot_buffer_kb = 262144;
   int edge_queue_kb = 32768;
   double patience_s = 15.0;
+  std::string page_host = "127.0.0.1";
+  int page_port = 0;
   LiveWireOptions wire;
   std::size_t robot_buffer_bytes() const { return static_cast<std::size_t>(robot_buffer_kb) << 10; }
   std::size_t edge_queue_bytes() const { return static_cast<std::size_t>(edge_queue_kb) << 10; }
@@ -61,6 +63,12 @@ struct LiveOptions {
     v.positive("patience_s", patience_s,
                "time in seconds after which it is said who does not answer, again and again; larger values say it "
                "less often");
+    v.text("page_host", page_host,
+           "address at which an edge and the cloud show their page (serve); another than 127.0.0.1 opens it to all who "
+           "reach this machine: it is read-only, and asks for no password");
+    v.integer("page_port", page_port, 0, 65535,
+              "port of the page that shows what an edge or the cloud does while it runs (serve): one for each program "
+              "of a machine; 0: no page");
     v.section("wire", wire, "messages between robots, edges and the cloud");
   }
 };

@@ -28,8 +28,9 @@ struct LiveRobotCounts {
   double recorded_s = 0.0;                               // of data, so far
   bool is_on_board = false;                              // it maps itself
   bool is_read = false;                                  // the recording has ended
-  double silent_s = 0.0;                                 // since the edge said something
-  std::string refusal;                                   // the edge's last one
+  bool is_edge_on_wire = false;
+  double silent_s = 0.0;  // since the edge said something
+  std::string refusal;    // the edge's last one
 };
 
 // Two threads of its own: one reads, one speaks. All calls are thread-safe. One recording is one run: a robot that

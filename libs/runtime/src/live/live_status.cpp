@@ -1,0 +1,190 @@
+#include <mapweave/runtime/live_status.h>
+
+#include <mapweave/core/format.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/metrics.h>
+
+#include <nlohmann/json.hpp>
+
+#include <optional>
+
+namespace mapweave::runtime {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json tier(const char* role, const std::string& name, const char* state, bool is_done) {
+  return {{"role", role},
+          {"name", name},
+          {"state", state},
+          {"is_done", is_done},
+          {"counts", Json::object()},
+          {"joint", Json::array()},
+          {"links", Json::array()},
+          {"findings", Json::array()}};
+}
+
+Json joint_json(const std::vector<std::vector<MapId>>& joint) {
+  Json groups = Json::array();
+  for (const std::vector<MapId>& members : joint) {
+    Json names = Json::array();
+    for (const MapId& member : members) names.push_back(member.str());
+    groups.push_back(std::move(names));
+  }
+  return groups;
+}
+
+Json link(const char* role, const std::string& name, bool is_on_wire, bool is_needed,
+          const std::optional<double>& silent_s, Json counts) {
+  return {{"role", role},
+          {"name", name},
+          {"is_on_wire", is_on_wire},
+          {"is_needed", is_needed},
+          {"silent_seconds", silent_s ? Json(*silent_s) : Json()},
+          {"counts", std::move(counts)}};
+}
+
+void find(Json& tier, const char* level, const std::string& what, const std::string& remedy) {
+  tier["findings"].push_back({{"level", level}, {"what", what}, {"remedy", remedy}});
+}
+
+std::string start_of(const Json& link) {
+  const std::string role = link["role"], name = role == "cloud" ? "" : " --name " + link["name"].get<std::string>();
+  return "look whether mapweave serve " + role + name + " runs, and whether it reaches the broker";
+}
+
+// Who is needed and says nothing; an error where nobody says anything.
+void find_missing(Json& tier, const StatusTerms& terms) {
+  std::size_t needed = 0, missing = 0;
+  for (const Json& link : tier["links"]) {
+    if (!link["is_needed"]) continue;
+    ++needed;
+    const bool came = link["silent_seconds"].is_number();
+    const double silent_s = came ? link["silent_seconds"].get<double>() : terms.up_s;
+    if (silent_s < terms.patience_s) continue;
+    ++missing;
+    const std::string who =
+        link["role"] == "cloud" ? "the cloud" : link["role"].get<std::string>() + " " + link["name"].get<std::string>();
+    find(tier, "warning", who + (came ? format(" has said nothing for %.0f s", silent_s) : " never came"),
+         start_of(link));
+  }
+  if (needed > 0 && missing == needed)
+    find(tier, "error", format("nobody that is needed has said anything for %.0f s", terms.patience_s),
+         "look whether the broker of live.broker runs, and can be reached from here");
+}
+
+void find_refused(Json& tier, std::uint64_t refused, std::uint64_t unreadable) {
+  if (refused > 0)
+    find(tier, "warning", "refused " + std::to_string(refused) + " times who wanted to take part",
+         "its messages say why: an unknown name, a name that is here, or another configuration or version");
+  if (unreadable > 0)
+    find(tier, "warning", std::to_string(unreadable) + " messages could not be read",
+         "give all programs the same version; its messages name the first one");
+}
+
+void find_trouble(Json& tier, const std::string& trouble) {
+  if (!trouble.empty()) find(tier, "error", trouble, "start it again once the cause is gone: it goes on where it was");
+}
+
+}  // namespace
+
+Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
+  Json status = tier("cloud", "cloud",
+                     counts.is_done      ? "done"
+                     : counts.is_sealing ? "merging all"
+                                         : "collecting",
+                     counts.is_done);
+  status["counts"] = {{"previews", counts.previews},
+                      {"preview_maps", counts.maps},
+                      {"refused", counts.refused},
+                      {"unreadable", counts.unreadable},
+                      {"repeated", counts.again}};
+  status["joint"] = joint_json(counts.joint);
+  for (const LiveCloudCounts::Edge& edge : counts.edges)
+    status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, !edge.has_fused, edge.silent_s,
+                                   {{"taken", edge.taken}, {"stored", edge.stored}, {"begun", edge.runs}}));
+  find_trouble(status, counts.trouble);
+  find_missing(status, terms);
+  find_refused(status, counts.refused, counts.unreadable);
+  return status;
+}
+
+Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusTerms& terms) {
+  Json status = tier("edge", edge.str(),
+                     counts.is_done    ? "done"
+                     : counts.is_fused ? "merged"
+                                       : "mapping",
+                     counts.is_done);
+  status["counts"] = {{"previews", counts.previews},
+                      {"waiting_bytes", counts.waiting_bytes},
+                      {"refused", counts.refused},
+                      {"unreadable", counts.unreadable},
+                      {"repeated", counts.again}};
+  status["joint"] = joint_json(counts.joint);
+  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, !robot.has_ended, robot.silent_s,
+                                   {{"taken", robot.taken},
+                                    {"stored", robot.stored},
+                                    {"mapped", robot.mapped},
+                                    {"scans", robot.scans},
+                                    {"lost_scans", robot.lost_scans},
+                                    {"queue_bytes", robot.queue_bytes}}));
+  status["links"].push_back(
+      link("cloud", "cloud", counts.is_cloud_on_wire, !counts.is_done, counts.cloud_silent_s, Json::object()));
+  find_trouble(status, counts.trouble);
+  find_missing(status, terms);
+  find_refused(status, counts.refused, counts.unreadable);
+  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+    if (robot.lost_scans > 0)
+      find(status, "warning",
+           "robot " + robot.id.str() + " had no room for " + std::to_string(robot.lost_scans) + " scans",
+           "a larger live.robot_buffer_kb keeps more while its edge is away");
+  return status;
+}
+
+Json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCounts& counts,
+                 const StatusTerms& terms) {
+  const bool is_done = counts.is_read && counts.confirmed >= counts.messages;
+  Json status = tier("robot", robot.str(), is_done ? "done" : counts.is_read ? "sending the rest" : "driving", is_done);
+  status["counts"] = {{"records", counts.records},
+                      {"recorded_seconds", counts.recorded_s},
+                      {"scans", counts.scans},
+                      {"lost_scans", counts.lost_scans},
+                      {"messages", counts.messages},
+                      {"confirmed", counts.confirmed},
+                      {"waiting_bytes", counts.waiting_bytes},
+                      {"sent_bytes", counts.sent_bytes}};
+  status["links"].push_back(
+      link("edge", its_edge.str(), counts.is_edge_on_wire, !is_done, counts.silent_s, Json::object()));
+  if (!counts.refusal.empty())
+    find(status, "error", "edge " + its_edge.str() + " refuses: " + counts.refusal,
+         "the message says what is wrong; the robot asks again and again");
+  find_missing(status, terms);
+  if (counts.lost_scans > 0)
+    find(status, "warning", "there was no room for " + std::to_string(counts.lost_scans) + " scans",
+         "a larger live.robot_buffer_kb keeps more while its edge is away");
+  return status;
+}
+
+Json program_status(const std::string& program, const std::string& name, std::vector<Json> tiers,
+                    const StatusTerms& terms) {
+  Json problems = Json::array();
+  for (const Json& tier : tiers)
+    for (const Json& finding : tier["findings"])
+      if (finding["level"] == "error")
+        problems.push_back(tier["role"].get<std::string>() + " " + tier["name"].get<std::string>() + ": " +
+                           finding["what"].get<std::string>());
+  return {{"program", program},
+          {"name", name},
+          {"version", program_version()},
+          {"up_seconds", terms.up_s},
+          {"is_healthy", problems.empty()},
+          {"problems", problems},
+          {"process",
+           {{"cpu_seconds", process_cpu_seconds()},
+            {"resident_bytes", rss_bytes()},
+            {"peak_resident_bytes", peak_rss_bytes()}}},
+          {"tiers", std::move(tiers)}};
+}
+
+}  // namespace mapweave::runtime
