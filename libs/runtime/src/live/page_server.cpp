@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using Json = nlohmann::ordered_json;
 
-constexpr auto kBetweenEvents = 1s, kBetweenMaps = 2s;
+constexpr auto kBetweenEvents = 1s, kBetweenMaps = 2s, kToSayEnd = 2s;
 constexpr auto kStatusHolds = 200ms;
 constexpr int kMapsCost = 4;       // drawing takes at most one part of so many of a processor
 constexpr int kBesideStreams = 4;  // threads
@@ -117,9 +117,10 @@ PageServer::State::State(const std::string& host, int port, PageSource of)
 
 PageServer::State::~State() {
   {
-    const std::lock_guard lock(mutex);
+    std::unique_lock lock(mutex);
     server->end();
     changed.notify_all();
+    changed.wait_for(lock, kToSayEnd, [&] { return streams == 0; });
   }
   server->stop();
   listener.join();
@@ -227,6 +228,7 @@ void PageServer::State::begin_stream(const httplib::Request& request, httplib::R
       [this](bool) {
         const std::lock_guard lock(mutex);
         --streams;
+        changed.notify_all();
       });
 }
 
