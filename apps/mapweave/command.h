@@ -35,6 +35,7 @@ struct WritingFlags {
 void add_writing_flags(CLI::App& verb, WritingFlags&);
 int threads_of(const WritingFlags&);
 
+Action set_up_doctor(CLI::App&);
 Action set_up_run(CLI::App&);
 Action set_up_serve(CLI::App&);
 Action set_up_slam(CLI::App&);

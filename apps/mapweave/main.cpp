@@ -24,6 +24,8 @@ const std::vector<Command> commands = {
      set_up_run},
     {"serve", "robots, edges and a cloud as programs of their own", "mapweave serve demo --out maps/demo",
      set_up_serve},
+    {"doctor", "is everything there, and who of a deployment waits for what", "mapweave doctor office.yaml",
+     set_up_doctor},
     {"slam", "one robot's log -> that robot's map", "mapweave slam alpha.rawlog --out maps/alpha", set_up_slam},
     {"merge", "several robots' maps -> one team map",
      "mapweave merge maps/alpha/map.mwdb maps/beta/map.mwdb hall.yaml --out maps/team", set_up_merge},

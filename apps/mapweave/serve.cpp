@@ -37,21 +37,6 @@ struct Arguments {
   int port = 4222;
 };
 
-struct Deployment {
-  LoadedConfiguration loaded;
-  runtime::RunPlan plan;
-  const runtime::LiveOptions& live() const { return loaded.configuration.live; }
-};
-
-Deployment load_deployment(const Arguments& arguments) {
-  expect_configuration(arguments.file);
-  Deployment deployment{load_configuration(arguments.file, {}, arguments.flags), {}};
-  deployment.plan =
-      runtime::make_plan(deployment.loaded.configuration, deployment.loaded.origins, runtime::LogsAre::with_robots);
-  runtime::expect_live(deployment.loaded.configuration, deployment.plan);
-  return deployment;
-}
-
 // The one that is named, or the only one.
 std::string chosen(const std::string& kind, const std::string& name, const std::vector<std::string>& names) {
   std::string list;
@@ -97,7 +82,8 @@ std::unique_ptr<runtime::PageServer> page_if_wanted(const Deployment& deployment
 
 ExitCode serve_robot(const Arguments& arguments) {
   StopSignals signals;
-  Deployment deployment = load_deployment(arguments);
+  Deployment deployment = load_deployment(arguments.file, arguments.flags);
+  const RunningSince since(deployment.live());
   std::vector<std::string> names;
   for (const runtime::PlannedRobot& robot : deployment.plan.robots) names.push_back(robot.id.str());
   const RobotId name(chosen("robot", arguments.name, names));
@@ -117,8 +103,14 @@ ExitCode serve_robot(const Arguments& arguments) {
                 (robot.counts().is_on_board ? " maps on board, and sends its maps at the end to edge "
                                             : " sends what it senses to edge ") +
                 planned.edge.str());
+  StatusTeller teller(wires, "robot-" + name.str(), deployment.live().keys.empty(), [&] {
+    const runtime::StatusTerms terms = since.terms();
+    return runtime::program_status("robot", name.str(),
+                                   {runtime::tier_status(name, planned.edge, robot.counts(), terms)}, terms);
+  });
   bool is_asked = false;
   while (!robot.is_done()) {
+    teller.tell();
     if (!signals.wait(kStep)) continue;
     if (is_asked)
       throw Interrupted("interrupted; " + std::to_string(robot.counts().waiting_bytes) +
@@ -127,6 +119,7 @@ ExitCode serve_robot(const Arguments& arguments) {
     robot.end();
     log(LogLevel::info, "robot " + name.str() + " ends its recording and sends the rest; again to end at once");
   }
+  teller.tell(true);
   const runtime::LiveRobotCounts counts = robot.counts();
   progress->say("robot " + name.str() + ": its edge has all " +
                 (counts.is_on_board ? "that it mapped" : std::to_string(counts.scans - counts.lost_scans) + " scans") +
@@ -136,7 +129,7 @@ ExitCode serve_robot(const Arguments& arguments) {
 
 ExitCode serve_edge(const Arguments& arguments) {
   StopSignals signals;
-  Deployment deployment = load_deployment(arguments);
+  Deployment deployment = load_deployment(arguments.file, arguments.flags);
   const RunningSince since(deployment.live());
   std::vector<std::string> names;
   for (const TierId& edge : deployment.plan.edges) names.push_back(edge.str());
@@ -153,17 +146,21 @@ ExitCode serve_edge(const Arguments& arguments) {
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
       if (robot.edge == name) robots.add(wires.at_edge(robot.id, name));
-    const auto page = page_if_wanted(deployment, "mapweave serve edge " + name.str(), *progress, edge, [&] {
+    const auto status = [&] {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("edge", name.str(), {runtime::tier_status(name, edge.counts(), terms)}, terms);
-    });
+    };
+    const auto page = page_if_wanted(deployment, "mapweave serve edge " + name.str(), *progress, edge, status);
+    StatusTeller teller(wires, "edge-" + name.str(), true, status);
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
     while (!edge.counts().is_done) {
       robots.keep();
+      teller.tell();
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
                           " when it is started again");
     }
+    teller.tell(true);
     std::this_thread::sleep_for(1s);  // its last receipts
   }
   remove_journal(*journal);
@@ -173,7 +170,7 @@ ExitCode serve_edge(const Arguments& arguments) {
 
 ExitCode serve_cloud(const Arguments& arguments) {
   StopSignals signals;
-  Deployment deployment = load_deployment(arguments);
+  Deployment deployment = load_deployment(arguments.file, arguments.flags);
   const RunningSince since(deployment.live());
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
@@ -186,13 +183,20 @@ ExitCode serve_cloud(const Arguments& arguments) {
                              {arguments.flags.out, arguments.flags.force, true});
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
     for (const TierId& edge : deployment.plan.edges) edges.add(wires.at_cloud(edge));
-    const auto page = page_if_wanted(deployment, "mapweave serve cloud", *progress, cloud, [&] {
+    const auto status = [&] {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("cloud", "cloud", {runtime::tier_status(cloud.counts(), terms)}, terms);
-    });
+    };
+    const auto page = page_if_wanted(deployment, "mapweave serve cloud", *progress, cloud, status);
+    StatusTeller teller(wires, "cloud", true, status);
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
     report = wait_for_results(
-        cloud, signals, [&] { cloud.seal_now(); }, [&] { edges.keep(); });
+        cloud, signals, [&] { cloud.seal_now(); },
+        [&] {
+          edges.keep();
+          teller.tell();
+        });
+    teller.tell(true);
   }
   remove_journal(*journal);
   return report_result(*report, arguments.flags.out, arguments.flags.json);
@@ -215,6 +219,15 @@ void add_threads_flag(CLI::App& role, Arguments& arguments) {
 }
 
 }  // namespace
+
+Deployment load_deployment(const std::filesystem::path& file, const WritingFlags& flags) {
+  expect_configuration(file);
+  Deployment deployment{load_configuration(file, {}, flags), {}};
+  deployment.plan =
+      runtime::make_plan(deployment.loaded.configuration, deployment.loaded.origins, runtime::LogsAre::with_robots);
+  runtime::expect_live(deployment.loaded.configuration, deployment.plan);
+  return deployment;
+}
 
 std::string joint_in_words(const std::vector<std::vector<MapId>>& joint) {
   std::string words;
@@ -299,7 +312,8 @@ Action set_up_serve(CLI::App& verb) {
     if (edge->parsed()) return serve_edge(*arguments);
     if (cloud->parsed()) return serve_cloud(*arguments);
     if (keys->parsed())
-      return make_keys(load_deployment(*arguments).plan, {arguments->hosts, arguments->port, arguments->flags.out});
+      return make_keys(load_deployment(arguments->file, arguments->flags).plan,
+                       {arguments->hosts, arguments->port, arguments->flags.out});
     return serve_demo(arguments->demo);
   };
 }

@@ -1,15 +1,20 @@
 #pragma once
 // What the parts of `serve` share.
 
+#include "configuration.h"
 #include "stop_signals.h"
 
 #include <mapweave/core/exit_code.h>
 #include <mapweave/runtime/live_cloud.h>
 #include <mapweave/runtime/live_status.h>
+#include <mapweave/runtime/nats_wires.h>
 #include <mapweave/runtime/page_server.h>
+
+#include <nlohmann/json.hpp>
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,6 +40,32 @@ class RunningSince {
  private:
   double patience_s_;
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+};
+
+// A configuration of programs that run by themselves; logs lie with their robots.
+struct Deployment {
+  LoadedConfiguration loaded;
+  runtime::RunPlan plan;
+  const runtime::LiveOptions& live() const { return loaded.configuration.live; }
+};
+Deployment load_deployment(const std::filesystem::path& file, const WritingFlags& flags);
+
+// Says every two seconds how a program is, for who asks (mapweave doctor).
+class StatusTeller {
+ public:
+  // makes: the stream at the broker where it is missing; robots with accounts may not.
+  StatusTeller(const runtime::NatsWires& wires, std::string user, bool makes,
+               std::function<nlohmann::ordered_json()> status)
+      : board_(wires.board()), user_(std::move(user)), makes_(makes), status_(std::move(status)) {}
+  void tell(bool at_once = false);  // now and then
+
+ private:
+  transport::NatsBoard board_;
+  std::string user_;
+  bool makes_;
+  std::function<nlohmann::ordered_json()> status_;
+  std::chrono::steady_clock::time_point next_{};
+  int times_ = 0;
 };
 
 // What a page shows of maps and robots; `status` and `preview` are its program's to add.

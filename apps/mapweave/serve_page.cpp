@@ -1,5 +1,6 @@
 #include "serve.h"
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
 
 namespace mapweave::app {
@@ -22,6 +23,25 @@ std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port
                                ": they see maps, names and messages, and no password is asked for; live.page_host: "
                                "127.0.0.1 keeps it to this machine");
   return page;
+}
+
+void StatusTeller::tell(bool at_once) {
+  using namespace std::chrono_literals;
+  constexpr auto kEvery = 2s;
+  constexpr int kMakesAgain = 30;  // where somebody deleted the stream
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_ && !at_once) return;
+  next_ = now + kEvery;
+  try {
+    if (makes_ && times_++ % kMakesAgain == 0) board_.ensure(kEvery);
+    nlohmann::ordered_json status = status_();
+    status["said_at_ns"] =
+        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+            .count();
+    board_.put(user_, status.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  } catch (const Error& error) {
+    log(LogLevel::debug, "the broker keeps no status: " + std::string(error.what()));
+  }
 }
 
 }  // namespace mapweave::app

@@ -135,11 +135,15 @@ void LiveCloud::State::preview() {
   if (!rounds.has_news()) return;
   const std::unique_ptr<Progress> silent = make_silent_progress();
   std::vector<std::vector<MapId>> joint;
+  std::vector<std::string> apart;
   std::shared_ptr<const LivePreview> next;
   try {
     const fusion::FusionResult& result = rounds.fuse(site.pool, *silent);
     for (const fusion::Component& component : result.components)
       if (component.members.size() > 1) joint.push_back(component.members);
+    for (const Verdict& verdict : result.verdicts)
+      if (verdict.decision != Decision::accepted && !verdict.in_one_map)
+        apart.push_back(verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(verdict));
     if (site.keeps_previews) next = preview_of(result, counts.previews + 1);
   } catch (const Interrupted&) {  // who was told to end ends this
     return;
@@ -154,6 +158,7 @@ void LiveCloud::State::preview() {
   ++counts.previews;
   shown = std::move(next);
   counts.joint = std::move(joint);
+  counts.apart = std::move(apart);
   counts.maps = rounds.maps().size();
 }
 

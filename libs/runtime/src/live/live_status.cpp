@@ -100,6 +100,7 @@ Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
                       {"unreadable", counts.unreadable},
                       {"repeated", counts.again}};
   status["joint"] = joint_json(counts.joint);
+  status["apart"] = counts.apart;
   for (const LiveCloudCounts::Edge& edge : counts.edges)
     status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, !edge.has_fused, edge.silent_s,
                                    {{"taken", edge.taken}, {"stored", edge.stored}, {"begun", edge.runs}}));

@@ -71,9 +71,15 @@ void allow(transport::BrokerUser& user, const std::string& wire, const std::stri
   }
 }
 
+constexpr char kBoard[] = "status";
+
 transport::BrokerUser new_user(const std::string& name) {
   const std::string inbox = inbox_of(name) + ".>";
-  return {name, "", {"$JS.API.INFO", inbox}, {inbox}};
+  return {name, "", {"$JS.API.INFO", inbox, transport::NatsBoard::subject_of(kBoard, name)}, {inbox}};
+}
+
+void allow_board(transport::BrokerUser& user, std::initializer_list<const char*> what) {
+  for (const char* one : what) user.may_publish.push_back(std::string("$JS.API.STREAM.") + one + "." + kBoard);
 }
 
 Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, transport::NatsChannelOptions options) {
@@ -96,11 +102,14 @@ std::vector<transport::BrokerUser> users_of(const RunPlan& plan) {
     allow(user, of_edge(edge), "*", Side::accepts);
     allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens);
     allow(cloud, of_cloud(edge), "*", Side::accepts);
+    allow_board(user, {"INFO", "CREATE"});
   }
+  allow_board(cloud, {"INFO", "CREATE"});
   for (const PlannedRobot& robot : plan.robots)
     allow(users.emplace_back(new_user("robot-" + robot.id.str())), of_edge(robot.edge),
           transport::nats_token(robot.id.str()), Side::opens);
   users.push_back(std::move(cloud));
+  allow_board(users.emplace_back(new_user("doctor")), {"INFO", "CREATE", "MSG.GET"});
   return users;
 }
 
@@ -142,6 +151,8 @@ Connect NatsWires::at_cloud(const TierId& edge) const {
   return connect(connection_,
                  with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::accepts, has_accounts_)));
 }
+
+transport::NatsBoard NatsWires::board() const { return {connection_, kBoard}; }
 
 void ServedWires::keep() {
   for (Wire& wire : wires_)

@@ -20,6 +20,7 @@ struct LiveCloudCounts {
   std::uint64_t refused = 0, unreadable = 0, again = 0;  // as LiveEdgeCounts
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
+  std::vector<std::string> apart;         // why pairs of maps stayed apart there, in words
   std::size_t maps = 0;                   // in the last preview
   bool is_sealing = false, is_done = false;
   std::string trouble;  // why it stores nothing, or cannot go on; empty: it does

@@ -16,7 +16,8 @@ struct StatusTerms {
   double up_s = 0.0;         // since the program began
 };
 
-// A tier: {role, name, state, is_done, counts: {name: number}, joint: [[map]], links: [...], findings: [...]}.
+// A tier: {role, name, state, is_done, counts: {name: number}, joint: [[map]], links: [...], findings: [...]}; of the
+// cloud also apart: [text], why pairs of maps are not joined yet.
 // A link is what the tier knows of another one that it speaks with: {role, name, is_on_wire, is_needed (something of
 // it is awaited), silent_seconds (null: it never said anything), counts}. A finding: {level: error or warning, what,
 // remedy}; an error is what nothing but somebody's help ends.

@@ -2,7 +2,7 @@
 // The channels of a deployment over one NATS broker: which streams each wire uses, and what keeps them open.
 
 #include <mapweave/runtime/live_cloud.h>
-#include <mapweave/transport/nats_connection.h>
+#include <mapweave/transport/nats_board.h>
 
 #include <memory>
 #include <string>
@@ -24,6 +24,10 @@ class NatsWires {
   // Ends that accept.
   Connect at_edge(const RobotId& robot, const TierId& edge) const;
   Connect at_cloud(const TierId& edge) const;
+
+  // Where every program of the deployment says how it is (program_status), under the name that its user has or would
+  // have ("robot-alpha", "edge-north", "cloud"). Made by edges, the cloud, and who has no accounts.
+  transport::NatsBoard board() const;
 
  private:
   std::shared_ptr<transport::NatsConnection> connection_;

@@ -1,0 +1,248 @@
+// mapweave doctor: is everything there, and who of a deployment waits for what?
+
+#include "command.h"
+#include "command_line.h"
+#include "serve.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
+#include <mapweave/core/format.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/transport/broker.h>
+
+#include <unistd.h>
+
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <thread>
+
+namespace mapweave::app {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 5s;  // of one question to the broker
+constexpr auto kBetween = 3s;   // two looks, for rates
+constexpr double kMostClockOffset_s = 1.0;
+
+struct Arguments {
+  std::filesystem::path file;
+  WritingFlags flags;
+};
+
+Json finding(const char* level, const std::string& what, const std::string& remedy) {
+  return {{"level", level}, {"what", what}, {"remedy", remedy}};
+}
+
+Json look_here() {
+  constexpr std::uintmax_t kEnough = std::uintmax_t{1} << 30;
+  Json findings = Json::array();
+  try {
+    transport::find_broker();
+  } catch (const Error& error) {
+    findings.push_back(finding("warning", error.problem() + ": serve demo needs one", error.remedy()));
+  }
+  std::error_code error;
+  const std::filesystem::path temporary = std::filesystem::temp_directory_path(error);
+  if (error || ::access(temporary.c_str(), W_OK) != 0)
+    findings.push_back(
+        finding("error", "nothing can be written to " + temporary.string(), "name another folder in TMPDIR"));
+  const auto space = std::filesystem::space(temporary, error);
+  if (!error && space.available < kEnough)
+    findings.push_back(
+        finding("warning",
+                format("only %.0f MB are free in %s", 1e-6 * static_cast<double>(space.available), temporary.c_str()),
+                "make room, or name another folder in TMPDIR"));
+  return findings;
+}
+
+// One program as it said last.
+struct Word {
+  Json status;
+  double age_s = 0.0, clock_offset_s = 0.0;  // against the broker's clock
+};
+
+std::optional<Word> last_word(const transport::NatsBoard& board, const std::string& user,
+                              std::chrono::system_clock::time_point now) {
+  const auto word = board.last(user, kPatience);
+  if (!word) return std::nullopt;
+  Json status = Json::parse(word->bytes, nullptr, false);
+  if (!status.is_object() || !status.contains("tiers") || !status["tiers"].is_array() || status["tiers"].empty())
+    throw Error(ErrorCode::kCorrupt, "what " + user + " says of itself cannot be read", user,
+                "give all programs the same version");
+  const auto seconds = [](auto duration) { return std::chrono::duration<double>(duration).count(); };
+  const std::chrono::system_clock::time_point said{std::chrono::duration_cast<std::chrono::system_clock::duration>(
+      std::chrono::nanoseconds(status.value("said_at_ns", std::int64_t{0})))};
+  return Word{std::move(status), seconds(now - word->stored), seconds(said - word->stored)};
+}
+
+// By the broker's clock: what the doctor says itself, and reads again.
+std::chrono::system_clock::duration broker_is_ahead(transport::NatsBoard& board) {
+  board.ensure(kPatience);
+  board.put("doctor", "looks");
+  const auto said = std::chrono::system_clock::now();
+  for (int i = 0; i < 50; ++i) {
+    if (const auto word = board.last("doctor", kPatience); word && word->bytes == "looks") return word->stored - said;
+    std::this_thread::sleep_for(100ms);
+  }
+  return {};
+}
+
+// Counts of one tier a second, between two looks.
+Json rates_of(const Json& before, const Json& after) {
+  Json rates = Json::object();
+  const double seconds = after.value("up_seconds", 0.0) - before.value("up_seconds", 0.0);
+  if (seconds <= 0.0) return rates;
+  const auto add = [&](const Json& first, const Json& second, const std::string& prefix) {
+    for (const char* name : {"scans", "messages", "taken", "mapped", "sent_bytes"})
+      if (second.contains(name) && first.contains(name) && first[name].is_number() && second[name].is_number())
+        rates[prefix + name] = (second[name].get<double>() - first[name].get<double>()) / seconds;
+  };
+  const Json &one = before["tiers"][0], &two = after["tiers"][0];
+  add(one.value("counts", Json::object()), two.value("counts", Json::object()), "");
+  for (const Json& link : two.value("links", Json::array()))
+    for (const Json& known : one.value("links", Json::array()))
+      if (known.value("name", "") == link.value("name", ""))
+        add(known.value("counts", Json::object()), link.value("counts", Json::object()), link.value("name", "") + ".");
+  return rates;
+}
+
+Json look_at_program(const std::string& user, const std::optional<Word>& before, const std::optional<Word>& after,
+                     double patience_s) {
+  Json seen = {{"program", user}, {"heard_seconds_ago", nullptr}, {"findings", Json::array()}};
+  const auto find = [&](const char* level, const std::string& what, const std::string& remedy) {
+    seen["findings"].push_back(finding(level, what, remedy));
+  };
+  const std::string start =
+      "start it: mapweave serve " +
+      (user == "cloud" ? "cloud CONFIG --out DIR"
+                       : user.substr(0, user.find('-')) + " CONFIG --name " + user.substr(user.find('-') + 1));
+  if (!after) {
+    find("error", "it was never heard", start);
+    return seen;
+  }
+  const Json& tier = after->status["tiers"][0];
+  seen["heard_seconds_ago"] = after->age_s;
+  seen["clock_offset_seconds"] = after->clock_offset_s;
+  seen["rates"] = before ? rates_of(before->status, after->status) : Json::object();
+  seen["status"] = after->status;
+  const bool is_done = tier.value("is_done", false);
+  if (!is_done && after->age_s > patience_s)
+    find("error", format("it was heard last %.0f s ago", after->age_s), "look whether it runs; else " + start);
+  if (std::abs(after->clock_offset_s) > kMostClockOffset_s)
+    find("warning",
+         format("its clock is %.1f s %s the broker's", std::abs(after->clock_offset_s),
+                after->clock_offset_s < 0.0 ? "behind" : "ahead of"),
+         "set the clocks of all machines by NTP");
+  if (after->status.value("version", "") != runtime::program_version())
+    find("warning",
+         "it is version " + after->status.value("version", "?") + ", this one is " + runtime::program_version(),
+         "give all programs the same version");
+  if (!is_done)
+    for (const Json& one : tier.value("findings", Json::array())) seen["findings"].push_back(one);
+  return seen;
+}
+
+std::string in_words(const Json& seen) {
+  std::string text = seen["program"].get<std::string>() + ": ";
+  if (seen["heard_seconds_ago"].is_null()) return text + "never heard";
+  const Json& tier = seen["status"]["tiers"][0];
+  text += format("heard %.0f s ago; ", seen["heard_seconds_ago"].get<double>()) + tier.value("state", "");
+  const Json counts = tier.value("counts", Json::object());
+  const auto add = [&](const char* name, const char* words) {
+    if (counts.contains(name)) text += "; " + std::to_string(counts[name].get<std::int64_t>()) + words;
+  };
+  add("scans", " scans");
+  if (seen["rates"].contains("scans")) text += format(" (%.1f/s)", seen["rates"]["scans"].get<double>());
+  add("lost_scans", " lost");
+  add("waiting_bytes", " bytes wait");
+  add("preview_maps", " maps in its preview");
+  for (const Json& group : tier.value("joint", Json::array())) {
+    text += "; joined: ";
+    for (std::size_t i = 0; i < group.size(); ++i) text += (i > 0 ? " + " : "") + group[i].get<std::string>();
+  }
+  for (const Json& pair : tier.value("apart", Json::array())) text += "\n  apart: " + pair.get<std::string>();
+  return text;
+}
+
+void show(const Json& findings) {
+  for (const Json& one : findings)
+    std::cout << "  " << one.value("level", "") << ": " << one.value("what", "") << "; " << one.value("remedy", "")
+              << "\n";
+}
+
+std::vector<std::string> programs_of(const runtime::RunPlan& plan) {
+  std::vector<std::string> users{"cloud"};
+  for (const TierId& edge : plan.edges) users.push_back("edge-" + edge.str());
+  for (const runtime::PlannedRobot& robot : plan.robots) users.push_back("robot-" + robot.id.str());
+  return users;
+}
+
+Json look_at_deployment(const Arguments& arguments) {
+  const Deployment deployment = load_deployment(arguments.file, arguments.flags);
+  const runtime::NatsWires wires(deployment.live(), kPatience);
+  transport::NatsBoard board = wires.board();
+  const auto ahead = broker_is_ahead(board);
+  const std::vector<std::string> users = programs_of(deployment.plan);
+  const auto look = [&] {
+    std::vector<std::optional<Word>> words;
+    for (const std::string& user : users)
+      words.push_back(last_word(board, user, std::chrono::system_clock::now() + ahead));
+    return words;
+  };
+  const auto before = look();
+  std::this_thread::sleep_for(kBetween);
+  const auto after = look();
+  Json programs = Json::array();
+  for (std::size_t i = 0; i < users.size(); ++i)
+    programs.push_back(look_at_program(users[i], before[i], after[i], deployment.live().patience_s));
+  return {{"broker", deployment.live().broker},
+          {"broker_ahead_seconds", std::chrono::duration<double>(ahead).count()},
+          {"programs", std::move(programs)}};
+}
+
+bool has_error(const Json& findings) {
+  for (const Json& one : findings)
+    if (one.value("level", "") == "error") return true;
+  return false;
+}
+
+}  // namespace
+
+Action set_up_doctor(CLI::App& verb) {
+  const auto arguments = std::make_shared<Arguments>();
+  verb.add_option("CONFIG", arguments->file,
+                  "a deployment's configuration; without it, this machine alone is looked at")
+      ->type_name("CONFIG.yaml");
+  verb.add_option("--set", arguments->flags.set, "sets one option: key=value, as in live.keys=doctor.keys")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+  verb.add_flag("--json", arguments->flags.json, "print what was found as JSON");
+  show_examples(verb, {"mapweave doctor office.yaml"});
+  return [=] {
+    Json found = {{"version", runtime::program_version()}, {"here", look_here()}};
+    if (!arguments->file.empty()) found["deployment"] = look_at_deployment(*arguments);
+    bool is_healthy = !has_error(found["here"]);
+    const Json programs = found.contains("deployment") ? found["deployment"]["programs"] : Json::array();
+    for (const Json& seen : programs) is_healthy = is_healthy && !has_error(seen["findings"]);
+    found["is_healthy"] = is_healthy;
+    if (arguments->flags.json) {
+      std::cout << found.dump(2) << "\n";
+    } else {
+      std::cout << "mapweave " << runtime::program_version() << " on this machine\n";
+      show(found["here"]);
+      if (found.contains("deployment"))
+        std::cout << "broker " << found["deployment"].value("broker", "") << ": answers\n";
+      for (const Json& seen : programs) {
+        std::cout << in_words(seen) << "\n";
+        show(seen["findings"]);
+      }
+      std::cout << (is_healthy ? "nothing is wrong\n" : "something needs help\n");
+    }
+    return is_healthy ? ExitCode::done : ExitCode::gate_failed;
+  };
+}
+
+}  // namespace mapweave::app

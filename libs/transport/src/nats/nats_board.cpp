@@ -1,0 +1,104 @@
+#include <mapweave/core/error.h>
+#include <mapweave/transport/nats_board.h>
+#include <mapweave/transport/nats_stream.h>
+
+#include <openssl/evp.h>
+#include <nlohmann/json.hpp>
+
+#include <ctime>
+
+namespace mapweave::transport {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::size_t kLongest = std::size_t{256} << 10;
+constexpr std::int64_t kMostBytes = std::int64_t{64} << 20;
+constexpr int kMissingMessage = 10037, kMissingStream = 10059, kNameInUse = 10058;
+
+int code_of(const Json& answer) {
+  return answer.contains("error") && answer["error"].is_object() ? answer["error"].value("err_code", 1) : 0;
+}
+
+std::string decoded(const std::string& base64, const std::string& where) {
+  std::string bytes(base64.size() / 4 * 3, '\0');
+  const int size =
+      EVP_DecodeBlock(reinterpret_cast<unsigned char*>(bytes.data()),
+                      reinterpret_cast<const unsigned char*>(base64.data()), static_cast<int>(base64.size()));
+  if (size < 0 || base64.size() % 4 != 0) throw Error(ErrorCode::kCorrupt, "a word that is not base64", where);
+  std::size_t padding = 0;
+  while (padding < base64.size() && base64[base64.size() - 1 - padding] == '=') ++padding;
+  bytes.resize(static_cast<std::size_t>(size) - std::min<std::size_t>(padding, static_cast<std::size_t>(size)));
+  return bytes;
+}
+
+// "2026-11-25T23:36:34.123456789Z"
+std::chrono::system_clock::time_point time_of(const std::string& text, const std::string& where) {
+  std::tm parts{};
+  const char* rest = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &parts);
+  if (rest == nullptr) throw Error(ErrorCode::kCorrupt, "a time that is none: '" + text + "'", where);
+  const double fraction = *rest == '.' ? std::strtod(rest, nullptr) : 0.0;
+  return std::chrono::system_clock::from_time_t(::timegm(&parts)) +
+         std::chrono::duration_cast<std::chrono::system_clock::duration>(std::chrono::duration<double>(fraction));
+}
+
+}  // namespace
+
+NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream)
+    : connection_(std::move(connection)), stream_(std::move(stream)) {}
+
+std::string NatsBoard::subject_of(const std::string& stream, const std::string& name) {
+  return "mw." + stream + "." + nats_token(name);
+}
+
+namespace {
+
+Json asked(NatsConnection& connection, const std::string& subject, const Json& request,
+           std::chrono::milliseconds patience) {
+  const auto answer = connection.request(subject, request.is_null() ? "" : request.dump(), patience);
+  const std::string server = connection.state().server;
+  if (!answer)
+    throw Error(ErrorCode::kMissing, "the broker does not answer '" + subject + "'", server,
+                "see whether the broker runs, and what this user may publish");
+  Json json = Json::parse(answer->bytes, nullptr, false);
+  if (!json.is_object()) throw Error(ErrorCode::kCorrupt, "the broker's answer is not JSON", server);
+  return json;
+}
+
+}  // namespace
+
+void NatsBoard::ensure(std::chrono::milliseconds patience) {
+  if (code_of(asked(*connection_, "$JS.API.STREAM.INFO." + stream_, {}, patience)) == 0) return;
+  const Json wanted = {{"name", stream_},           {"subjects", {"mw." + stream_ + ".*"}},
+                       {"retention", "limits"},     {"discard", "old"},
+                       {"storage", "file"},         {"num_replicas", 1},
+                       {"max_msgs_per_subject", 1}, {"max_msg_size", kLongest},
+                       {"max_bytes", kMostBytes}};
+  const Json made = asked(*connection_, "$JS.API.STREAM.CREATE." + stream_, wanted, patience);
+  if (const int code = code_of(made); code != 0 && code != kNameInUse)
+    throw Error(ErrorCode::kBadInput,
+                "the broker refuses stream '" + stream_ + "': " + made["error"].value("description", ""),
+                connection_->state().server, "see the broker's configuration");
+}
+
+bool NatsBoard::put(const std::string& name, std::string_view word) {
+  return word.size() <= kLongest && connection_->publish(subject_of(stream_, name), word);
+}
+
+std::optional<NatsBoard::Word> NatsBoard::last(const std::string& name, std::chrono::milliseconds patience) const {
+  const std::string where = connection_->state().server;
+  const Json answer =
+      asked(*connection_, "$JS.API.STREAM.MSG.GET." + stream_, {{"last_by_subj", subject_of(stream_, name)}}, patience);
+  const int code = code_of(answer);
+  if (code == kMissingMessage || code == kMissingStream) return std::nullopt;
+  if (code != 0)
+    throw Error(ErrorCode::kBadInput, "the broker refuses: " + answer["error"].value("description", ""), where);
+  try {
+    const Json& message = answer.at("message");
+    return Word{decoded(message.value("data", ""), where), time_of(message.at("time"), where)};
+  } catch (const Json::exception&) {
+    throw Error(ErrorCode::kCorrupt, "the broker's answer holds no message", where);
+  }
+}
+
+}  // namespace mapweave::transport
