@@ -5,6 +5,7 @@
 #include "command_line.h"
 #include "configuration.h"
 #include "misplaced_input.h"
+#include "service_notify.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -96,10 +97,12 @@ ExitCode serve_robot(const Arguments& arguments) {
                            wires.from_robot(name, planned.edge));
   const auto progress = make_terminal_progress();
   progress->say("robot " + name.str() + " sends what it senses to edge " + planned.edge.str());
+  ServiceNotifier service;
   bool is_asked = false;
   while (!robot.is_done()) {
+    service.turn(service_turn_of(robot.counts()));
     if (!signals.wait(kStep)) continue;
-    if (is_asked)
+    if (is_asked || signals.asks_for_a_pause())
       throw Interrupted("interrupted; " + std::to_string(robot.counts().waiting_bytes) +
                         " bytes did not get to the edge, which goes on when the robot is started again");
     is_asked = true;
@@ -130,8 +133,10 @@ ExitCode serve_edge(const Arguments& arguments) {
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
       if (robot.edge == name) robots.add(wires.at_edge(robot.id, name));
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
+    ServiceNotifier service;
     while (!edge.counts().is_done) {
       robots.keep();
+      service.turn(service_turn_of(edge.counts()));
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
                           " when it is started again");
@@ -158,8 +163,16 @@ ExitCode serve_cloud(const Arguments& arguments) {
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
     for (const TierId& edge : deployment.plan.edges) edges.add(wires.at_cloud(edge));
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
-    report = wait_for_results(
-        cloud, signals, [&] { cloud.seal_now(); }, [&] { edges.keep(); });
+    ServiceNotifier service;
+    const auto asked = [&] {
+      if (signals.asks_for_a_pause())
+        throw Interrupted("interrupted; the cloud goes on from " + journal->string() + " when it is started again");
+      cloud.seal_now();
+    };
+    report = wait_for_results(cloud, signals, asked, [&] {
+      edges.keep();
+      service.turn(service_turn_of(cloud.counts()));
+    });
   }
   remove_journal(*journal);
   return report_result(*report, arguments.flags.out, arguments.flags.json);
