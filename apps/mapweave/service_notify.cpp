@@ -109,9 +109,9 @@ ServiceNotifier::~ServiceNotifier() {
 }
 
 bool ServiceNotifier::send(const std::string& text) const {
-  const ssize_t sent = ::sendto(socket_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT,
-                                reinterpret_cast<const sockaddr*>(address_.data()),
-                                static_cast<socklen_t>(address_.size()));
+  const ssize_t sent =
+      ::sendto(socket_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT,
+               reinterpret_cast<const sockaddr*>(address_.data()), static_cast<socklen_t>(address_.size()));
   return sent == static_cast<ssize_t>(text.size());
 }
 
