@@ -96,7 +96,10 @@ ExitCode serve_robot(const Arguments& arguments) {
   runtime::LiveRobot robot(planned, deployment.loaded.configuration, deployment.live(),
                            wires.from_robot(name, planned.edge));
   const auto progress = make_terminal_progress();
-  progress->say("robot " + name.str() + " sends what it senses to edge " + planned.edge.str());
+  progress->say("robot " + name.str() +
+                (robot.counts().is_on_board ? " maps on board, and sends its maps at the end to edge "
+                                            : " sends what it senses to edge ") +
+                planned.edge.str());
   ServiceNotifier service;
   bool is_asked = false;
   while (!robot.is_done()) {
@@ -110,8 +113,9 @@ ExitCode serve_robot(const Arguments& arguments) {
     log(LogLevel::info, "robot " + name.str() + " ends its recording and sends the rest; again to end at once");
   }
   const runtime::LiveRobotCounts counts = robot.counts();
-  progress->say("robot " + name.str() + ": its edge has all " + std::to_string(counts.scans - counts.lost_scans) +
-                " scans" + (counts.lost_scans > 0 ? "; " + std::to_string(counts.lost_scans) + " were lost" : ""));
+  progress->say("robot " + name.str() + ": its edge has all " +
+                (counts.is_on_board ? "that it mapped" : std::to_string(counts.scans - counts.lost_scans) + " scans") +
+                (counts.lost_scans > 0 ? "; " + std::to_string(counts.lost_scans) + " were lost" : ""));
   return ExitCode::done;
 }
 

@@ -179,7 +179,7 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(decode_client_view(bytes, "test"), Error) << "another message";
   EXPECT_THROW(decode_share("", "test"), Error);
   std::string newer = bytes;
-  newer[1] = 10;
+  newer[1] = 11;
   try {
     decode_share(newer, "test");
     ADD_FAILURE();
@@ -194,7 +194,7 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(encode(nowhere), ContractViolation);
 }
 
-Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan> body) {
+Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan, MappedPart> body) {
   return {RobotId("alpha"), 7, {123456789}, std::move(body)};
 }
 
@@ -236,6 +236,18 @@ TEST(Exchange, keeps_the_last_word_of_a_robot_and_what_it_lost) {
   EXPECT_TRUE(std::holds_alternative<LostScan>(decode_sensed(encode(sensed(LostScan{})), "test").body));
   end.notes.resize(kMostNotes + 1);
   EXPECT_THROW(encode(sensed(end)), ContractViolation);
+}
+
+TEST(Exchange, keeps_parts_of_what_a_robot_mapped_on_board) {
+  const std::string bytes("a map\0of bytes", 14);
+  const auto back = std::get<MappedPart>(decode_sensed(encode(sensed(MappedPart{true, true, bytes})), "test").body);
+  EXPECT_TRUE(back.is_report);
+  EXPECT_TRUE(back.ends);
+  EXPECT_EQ(back.bytes, bytes);
+  const auto map = std::get<MappedPart>(decode_sensed(encode(sensed(MappedPart{})), "test").body);
+  EXPECT_FALSE(map.is_report);
+  EXPECT_FALSE(map.ends);
+  EXPECT_THROW(encode(sensed(MappedPart{false, true, std::string(kMostPartBytes + 1, 'x')})), ContractViolation);
 }
 
 TEST(Exchange, keeps_how_a_scan_was_bent_and_costs_nothing_where_it_was_not) {

@@ -249,6 +249,26 @@ TEST_F(LiveTeam, sends_all_again_to_an_edge_that_lost_its_store) {
   expect_as_run();
 }
 
+TEST_F(LiveTeam, takes_maps_that_robots_made_on_board) {
+  configuration.mode = Mode::onboard;
+  plan = make_plan(configuration, {});
+  choose_sensors(plan, configuration, pool);
+  badness = {0.05, 0.05, 0.01, 3};
+  start_cloud();
+  start_edge("south");
+  start_edge("north", "north");
+  start_robots();
+  await([&] { return edges.at("south")->counts().is_fused; });
+  await([&] { return taken("north") > 1; });
+  end_edge("north");
+  start_edge("north", "north");
+  result();
+  const fs::path run = folder / "run";
+  run_batch(configuration, make_plan(configuration, {}), {run, false, false}, pool, *silent);
+  EXPECT_EQ(outputs_of(settings.out), outputs_of(run));
+  EXPECT_EQ(merges_of(settings.out), merges_of(run));
+}
+
 TEST_F(LiveTeam, shows_previews_while_robots_drive) {
   options.speed = 8.0;
   start_cloud();
@@ -408,7 +428,12 @@ TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
   EXPECT_THROW(LiveEdge(TierId("west"), site(""), [] { return nullptr; }), Error);
   RunConfiguration on_board = configuration;
   on_board.mode = Mode::onboard;
+  EXPECT_NO_THROW(expect_live(on_board, plan));
+  on_board.mode = Mode::cloud_only;
   EXPECT_THROW(expect_live(on_board, plan), Error);
+  RunConfiguration sharing = configuration;
+  sharing.server.share = tiers::Sharing::view;
+  EXPECT_THROW(expect_live(sharing, plan), Error);
   RunConfiguration with_cameras = configuration;
   with_cameras.sensor = "all";
   EXPECT_THROW(expect_live(with_cameras, plan), Error);

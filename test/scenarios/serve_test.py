@@ -18,6 +18,13 @@ robots:
   - {id: beta, edge: south, length_m: 14, first_room: 1}
   - {id: gamma, edge: north, length_m: 14, first_room: 2}
 """
+CAMERA_WORLD = """\
+cameras:
+  - {id: front, kind: rgbd, width: 160, height: 120, fx: 131, fy: 131, frames_per_second: 8}
+robots:
+  - {id: alpha, edge: north, length_m: 3, first_room: 0}
+  - {id: beta, edge: north, length_m: 3, first_room: 0}
+"""
 
 
 def free_port():
@@ -94,6 +101,21 @@ class Serve(support.Scenario):
             self.end(edge)
         self.assert_same_map("live", "run")
         self.assertFalse((self.folder / "mapweave-store").exists(), "what was received is in the results")
+
+    def test_cameras_map_on_their_robots_and_the_map_is_the_one_of_a_run(self):
+        self.mapweave("simulate", self.write("world.yaml", CAMERA_WORLD), "--out", "logs")
+        by_cameras = ["--set", "sensor=cameras"]
+        self.mapweave("run", "logs/run.yaml", "--out", "run", *by_cameras, code=(support.DONE, support.APART))
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=0", *by_cameras]
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk)
+        edge = self.start("serve", "edge", "logs/run.yaml", *talk)
+        robots = [self.start("serve", "robot", "logs/run.yaml", "--name", name, *talk) for name in ("alpha", "beta")]
+        for robot in robots:
+            self.assertIn("its edge has all that it mapped", self.end(robot)[1])
+        self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
+        self.end(edge)
+        self.assert_same_map("live", "run")
+        self.assertIn("robots/beta/frames.png", self.outputs("live"))
 
     def test_the_demo_leaves_what_a_run_leaves(self):
         demo = self.mapweave("serve", "demo", "--out", "demo", "--speed", 8, seconds=150)
@@ -182,7 +204,7 @@ class Serve(support.Scenario):
         self.assert_says(done, "which robot", "alpha, beta, gamma")
         done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "nort", code=support.USAGE)
         self.assert_says(done, "no edge 'nort'", "did you mean 'north'")
-        done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "north", "--set", "mode=onboard", code=support.BAD_INPUT)
+        done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "north", "--set", "mode=cloud-only", code=support.BAD_INPUT)
         self.assert_says(done, "mode: offload")
         done = self.mapweave("serve", "robot", "logs/run.yaml", "--name", "alpha", *nowhere, code=support.BAD_INPUT)
         self.assert_says(done, nowhere[1].split("=")[1].removeprefix("nats://"))

@@ -315,6 +315,11 @@ std::string encode(const Sensed& sensed) {
     content.set_inertial_yaw_rad(inertial->yaw_rad);
   } else if (std::holds_alternative<LostScan>(sensed.body)) {
     content.set_lost_scan(true);
+  } else if (const auto* part = std::get_if<MappedPart>(&sensed.body)) {
+    MAPWEAVE_EXPECT(part->bytes.size() <= kMostPartBytes, "a part is small");
+    content.mutable_mapped()->set_is_report(part->is_report);
+    content.mutable_mapped()->set_ends(part->ends);
+    content.mutable_mapped()->set_bytes(part->bytes);
   } else {
     fill_end(*content.mutable_end(), std::get<StreamEnd>(sensed.body));
   }
@@ -396,6 +401,10 @@ Sensed sensed_of(const form::Sensed& content, FormReader& reader) {
     case form::Sensed::kLostScan:
       if (!content.lost_scan()) reader.corrupt("a scan that is lost and is not");
       sensed.body = LostScan{};
+      break;
+    case form::Sensed::kMapped:
+      if (content.mapped().bytes().size() > kMostPartBytes) reader.corrupt("a part of a map of too many bytes");
+      sensed.body = MappedPart{content.mapped().is_report(), content.mapped().ends(), content.mapped().bytes()};
       break;
     case form::Sensed::BODY_NOT_SET: reader.corrupt("a robot that says nothing");
   }

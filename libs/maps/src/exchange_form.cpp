@@ -4,9 +4,10 @@ namespace mapweave {
 namespace {
 
 // 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units, 5 nothing of tiers but
-// reports, 6 no floats, 7 no keyframes that are shared, 8 no scans that are lost and no report at the end of a stream.
-constexpr std::uint32_t kVersion = 9, kSharedVersion = 8, kFloatVersion = 7, kTierVersion = 6, kSweepVersion = 5,
-                        kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
+// reports, 6 no floats, 7 no keyframes that are shared, 8 no scans that are lost and no report at the end of a stream,
+// 9 no robots that map on board.
+constexpr std::uint32_t kVersion = 10, kEndVersion = 9, kSharedVersion = 8, kFloatVersion = 7, kTierVersion = 6,
+                        kSweepVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr std::size_t kMostMergedBytes = std::size_t{1} << 30;  // of what holds the constraints of a team, as an update
 
@@ -20,7 +21,8 @@ std::uint32_t version_of(const form::Exchange& form) {
     case form::Exchange::kPlaceRequest: return form.place_request().features().dense().empty() ? 1 : kDenseVersion;
     case form::Exchange::kSensed: {
       const auto& end = form.sensed().end();
-      if (form.sensed().has_lost_scan() || !end.notes().empty() || !end.log().empty()) return kVersion;
+      if (form.sensed().has_mapped()) return kVersion;
+      if (form.sensed().has_lost_scan() || !end.notes().empty() || !end.log().empty()) return kEndVersion;
       const auto& geometry = form.sensed().geometry();
       const bool sweeps = geometry.first_ray_s() != 0.0 || geometry.ray_step_s() != 0.0;
       return sweeps || form.sensed().has_inertial_yaw_rad() ? kSweepVersion : kSensedVersion;

@@ -30,14 +30,14 @@ bool is_cut_short(Task& task, const MappingSettings& settings, bool can_end_earl
 }
 
 // What the robot's sensors said while it drove.
-struct LiveInputs {
+struct Spoken {
   std::vector<rig::SpokenPoses> sensors;
   std::vector<StampedPose> odometry;
 };
 
 // The laser, at the edge or on the robot.
 void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, std::optional<LaserOutcome> mapped,
-                  RobotResult& result, LiveInputs& live) {
+                  RobotResult& result, Spoken& live) {
   if (!mapped) {
     LaserTask task(robot, settings.configuration, settings.keep_going, false, settings.progress);
     result.report.is_cut_short =
@@ -59,26 +59,33 @@ void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, st
 
 // Cameras on the robot; with a map of the laser, which is there already, in one graph.
 void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, std::optional<CamerasOutcome> cameras,
-                    RobotResult& result, LiveInputs& live) {
+                    RobotResult& result, Spoken& live) {
   const RunConfiguration& configuration = settings.configuration;
   if (result.report.is_cut_short) return;  // what the laser has is saved
   if (cameras) {
     result.report.cpu_seconds += cameras->cpu_seconds;
-    result.cameras = std::move(*cameras);
   } else {
     CameraTask task(robot, configuration, settings.keep_going, settings.progress);
     result.report.is_cut_short = is_cut_short(task, settings, true);
-    result.cameras = task.finish();
+    cameras = task.finish();
   }
+  take_cameras(std::move(*cameras), configuration, result, {live.sensors, live.odometry});
+}
+
+}  // namespace
+
+void take_cameras(CamerasOutcome cameras, const RunConfiguration& configuration, RobotResult& result, LiveInputs live) {
+  const RobotId robot = cameras.robot.id;
+  result.cameras = std::move(cameras);
   for (rig::SpokenPoses& camera : result.cameras.live) live.sensors.push_back(std::move(camera));
   if (live.odometry.empty()) live.odometry = std::move(result.cameras.wheels);
   for (const std::string& doubt : result.cameras.doubts)
     if (std::find(result.notes.begin(), result.notes.end(), doubt) == result.notes.end()) result.notes.push_back(doubt);
   tiers::RobotOutcome& outcome = result.outcome;
-  outcome.robot = robot.id;
+  outcome.robot = robot;
   if (outcome.map && result.cameras.maps.empty()) {
     log(LogLevel::warning,
-        "robot " + robot.id.str() + " is mapped by its laser alone: " + std::string(result.cameras.trouble->what()));
+        "robot " + robot.str() + " is mapped by its laser alone: " + std::string(result.cameras.trouble->what()));
     return;
   }
   if (!outcome.trouble) outcome.trouble = result.cameras.trouble;
@@ -95,15 +102,13 @@ void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, 
       return std::find(both.apart.begin(), both.apart.end(), map.id) != both.apart.end();
     };
     seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const Map& map) { return !is_apart(map); }), seen.end());
-    for (std::size_t i = 0; i < seen.size(); ++i) seen[i].id = MapId(robot.id.str() + "." + std::to_string(i + 1));
+    for (std::size_t i = 0; i < seen.size(); ++i) seen[i].id = MapId(robot.str() + "." + std::to_string(i + 1));
     outcome.apart = std::move(seen);
   } else if (!seen.empty()) {
     outcome.map = std::move(seen.front());
     outcome.apart.assign(std::make_move_iterator(seen.begin() + 1), std::make_move_iterator(seen.end()));
   }
 }
-
-}  // namespace
 
 void fuse_poses(const RobotId& robot, const RunConfiguration& configuration, std::vector<rig::SpokenPoses> sensors,
                 const std::vector<StampedPose>& odometry, RobotResult& result) {
@@ -130,7 +135,7 @@ RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();
-  LiveInputs live;
+  Spoken live;
   try {
     result.input = InputFile{robot.log.string(), hash_of_input(robot.log)};
     if (robot.trouble) throw *robot.trouble;

@@ -25,6 +25,8 @@ std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
   ++expected_;
   if (const auto* end = std::get_if<StreamEnd>(&sensed.body)) return finished(end->trouble);
   if (std::holds_alternative<LostScan>(sensed.body)) return std::nullopt;
+  if (std::holds_alternative<MappedPart>(sensed.body))
+    throw Error(ErrorCode::kBadInput, "it maps on board and sends what it senses, too", "robot " + robot_.str());
   if (auto* scan = std::get_if<PackedScan>(&sensed.body)) {
     if (geometry_ != nullptr && *geometry_ == *scan->geometry) scan->geometry = geometry_;
     geometry_ = scan->geometry;

@@ -16,8 +16,12 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
   const auto refuse = [](const std::string& what, const std::string& key, const std::string& remedy) {
     throw Error(ErrorCode::kBadInput, what, key, remedy);
   };
-  if (configuration.mode != Mode::offload)
-    refuse("robots that map themselves are not run as programs of their own yet", "mode", "set mode: offload");
+  if (configuration.mode != Mode::offload && configuration.mode != Mode::onboard)
+    refuse("robots, edges and a cloud that are programs of their own need edges that merge", "mode",
+           "set mode: offload, or onboard where robots map themselves");
+  if (configuration.server.share != tiers::Sharing::none)
+    refuse("cameras of robots that are programs of their own share nothing while they drive yet", "server.share",
+           "set share: none");
   if (configuration.coordinator.method != Coordination::none)
     refuse("a coordinator is not run as a program of its own yet", "coordinator.method",
            "set method: none, and give each robot its edge");
@@ -26,9 +30,9 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
       refuse("robot '" + robot.robot().str() + "' has several edges; robots that are programs of their own have one",
              "robots", "give it `edge` in place of `edges`");
     const std::string& sensor = configuration_of(configuration, robot).sensor;
-    if (sensor != "auto" && sensor != "laser" && sensor != "depth")
-      refuse("robots with sensor: " + sensor + " are not run as programs of their own yet", "sensor",
-             "set sensor: laser");
+    if (sensor == "all")
+      refuse("robots that map with a laser and cameras at once are not run as programs of their own yet", "sensor",
+             "set sensor: laser, or cameras");
   }
 }
 

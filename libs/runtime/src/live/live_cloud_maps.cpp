@@ -93,6 +93,18 @@ void LiveCloud::State::take(const TierId& id, Edge& edge, Said said) {
   }
 }
 
+namespace {
+
+// Whose map it is: of the robot's name, or "NAME.1" and so on where its cameras left several.
+bool is_map_of(const MapId& map, const RobotId& robot) {
+  const std::string& name = robot.str();
+  if (map.str() == name) return true;
+  return map.str().size() > name.size() + 1 && map.str().compare(0, name.size() + 1, name + ".") == 0 &&
+         map.str().find_first_not_of("0123456789", name.size() + 1) == std::string::npos;
+}
+
+}  // namespace
+
 void LiveCloud::State::take_robot(const TierId& id, const Said& said) {
   const std::string where = "edge " + id.str();
   const auto expect_its = [&](const RobotId& robot) {
@@ -109,11 +121,14 @@ void LiveCloud::State::take_robot(const TierId& id, const Said& said) {
     return;
   }
   const MapUpdate update = decode_map_update(said.bytes, where);
-  const RobotId robot(update.origin.map.str());
-  expect_its(robot);
+  const PlannedRobot* owner = nullptr;
+  for (const PlannedRobot& robot : site.plan.robots)
+    if (is_map_of(update.origin.map, robot.id) && (owner == nullptr || update.origin.map.str() == robot.id.str()))
+      owner = &robot;
+  expect_its(owner != nullptr ? owner->id : RobotId(update.origin.map.str()));
   Map map;
   map.id = update.origin.map;
-  maps.insert_or_assign(robot, updated(std::move(map), update));
+  maps[owner->id].insert_or_assign(map.id, updated(std::move(map), update));
 }
 
 void LiveCloud::State::preview() {
@@ -168,14 +183,15 @@ std::vector<std::optional<RobotResult>> LiveCloud::State::robots() {
   std::vector<std::optional<RobotResult>> results;
   for (const PlannedRobot& robot : site.plan.robots) {
     const auto record = records.find(robot.id);
-    const auto map = maps.find(robot.id);
+    std::vector<Map> own;
+    if (const auto found = maps.find(robot.id); found != maps.end())
+      for (auto& entry : found->second) own.push_back(std::move(entry.second));
     RobotRecord none;
     none.robot = robot.id;
     none.trouble = Error(ErrorCode::kMissing, "its map never came", "edge " + robot.edge.str(),
                          "let its robot and its edge end before the cloud does");
     if (record == records.end()) notes.push_back("robot " + robot.id.str() + ": its map never came from its edge");
-    results.push_back(result_of(record == records.end() ? std::move(none) : record->second,
-                                map == maps.end() ? std::nullopt : std::optional(std::move(map->second)), robot,
+    results.push_back(result_of(record == records.end() ? std::move(none) : record->second, std::move(own), robot,
                                 site.configuration));
     if (record != records.end() && record->second.lost_scans > 0)
       notes.push_back("robot " + robot.id.str() + ": " + std::to_string(record->second.lost_scans) + " of " +

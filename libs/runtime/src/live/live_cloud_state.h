@@ -70,7 +70,7 @@ struct LiveCloud::State {
   // Of the merging thread.
   Phase phase = Phase::collecting;
   TeamRun team;
-  std::map<RobotId, Map> maps;
+  std::map<RobotId, std::map<MapId, Map>> maps;  // of each robot; the one of its name first
   std::map<RobotId, RobotRecord> records;
   fusion::FusionResult sealed;
   std::vector<std::string> notes;

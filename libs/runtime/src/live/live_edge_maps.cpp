@@ -26,9 +26,9 @@ void LiveEdge::State::map(Robot& robot) {
                is_lost = std::holds_alternative<LostScan>(sensed.body);
     std::optional<tiers::RobotOutcome> outcome;
     if (!robot.has_outcome) try {  // else its report is on its way: nothing changes it
-        if (robot.began == Clock::time_point{}) begin(robot, session);
+        if (robot.began == Clock::time_point{}) begin(robot, session, std::holds_alternative<MappedPart>(sensed.body));
         outcome = step(robot, std::move(sensed), bytes);
-      } catch (const Error& error) {  // its engine cannot be started
+      } catch (const Error& error) {  // its engine cannot be started, or what it mapped is not sound
         outcome = tiers::RobotOutcome{robot.planned->id, std::nullopt, error};
       } catch (const Interrupted& interrupted) {
         outcome = tiers::RobotOutcome{
@@ -44,16 +44,18 @@ void LiveEdge::State::map(Robot& robot) {
     if (outcome) {
       robot.outcome = std::move(outcome);
       robot.has_ended = true;
-      site.progress.say("edge " + edge.str() + ": robot " + robot.planned->id.str() + " has ended; " +
-                        std::to_string(robot.scans) + " scans are mapped");
+      site.progress.say(
+          "edge " + edge.str() + ": robot " + robot.planned->id.str() + " has ended; " +
+          (robot.on_board.record ? "it mapped on board" : std::to_string(robot.scans) + " scans are mapped"));
     }
     changed.notify_all();
   }
 }
 
-void LiveEdge::State::begin(Robot& robot, const SessionId& session) const {
+void LiveEdge::State::begin(Robot& robot, const SessionId& session, bool is_on_board) const {
   robot.began = Clock::now();
   robot.record.sensor = session.client.sensor.str();
+  if (is_on_board) return;
   const RunConfiguration& configuration = configuration_of(site.configuration, *robot.planned);
   auto mapper = laser::make_laser_mapper({robot.planned->robot(), session.client.sensor}, configuration.laser,
                                          configuration.seed);
@@ -64,6 +66,16 @@ void LiveEdge::State::begin(Robot& robot, const SessionId& session) const {
 std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed sensed, std::size_t bytes) {
   RobotRecord& record = robot.record;
   const double before_s = thread_cpu_seconds();
+  if (auto* part = std::get_if<MappedPart>(&sensed.body); part != nullptr && !robot.slam) {
+    const std::lock_guard lock(robot.slam_mutex);
+    robot.on_board.add(std::move(*part), robot.planned->id);
+    return std::nullopt;
+  }
+  if (robot.on_board.record) {
+    const auto* end = std::get_if<StreamEnd>(&sensed.body);
+    if (end == nullptr) throw Error(ErrorCode::kBadInput, "it maps on board and sends what it senses, too");
+    return mapped_on_board(robot, end->trouble);
+  }
   record.sensed_bytes += bytes;
   if (std::holds_alternative<LostScan>(sensed.body)) ++record.lost_scans;
   if (std::holds_alternative<PackedScan>(sensed.body)) {
@@ -88,9 +100,23 @@ std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed se
   return outcome;
 }
 
+tiers::RobotOutcome LiveEdge::State::mapped_on_board(Robot& robot, const std::optional<Error>& trouble) {
+  const std::lock_guard lock(robot.slam_mutex);
+  robot.record = *robot.on_board.record;
+  std::vector<Map>& maps = robot.on_board.maps;
+  tiers::RobotOutcome outcome{robot.planned->id, std::nullopt, robot.record.trouble ? robot.record.trouble : trouble,
+                              robot.record.helper_s};
+  if (maps.empty()) return outcome;
+  outcome.map = maps.front();
+  outcome.apart.assign(std::make_move_iterator(maps.begin() + 1), std::make_move_iterator(maps.end()));
+  maps.resize(1);  // for previews
+  return outcome;
+}
+
 void LiveEdge::State::complete(Robot& robot, const tiers::RobotOutcome& outcome) {
   RobotRecord& record = robot.record;
   robot.has_outcome = true;
+  if (robot.on_board.record) return;  // it said all itself
   if (robot.first_scan) record.log_s = seconds_between(*robot.first_scan, *robot.last_scan);
   record.wall_s = std::chrono::duration<double>(Clock::now() - robot.began).count();
   record.helper_s = outcome.helper_cpu_seconds;
@@ -159,6 +185,8 @@ void LiveEdge::State::read_parts() {
     {
       const std::unique_lock lock(robot.slam_mutex, std::try_to_lock);
       if (lock.owns_lock() && robot.slam) part = tiers::growing_part(robot.slam->map_so_far());
+      if (lock.owns_lock() && robot.on_board.record && !robot.on_board.maps.empty())
+        part = tiers::growing_part(robot.on_board.maps.front());
     }
     if (part.empty()) continue;
     part.id = MapId(name.str());
@@ -231,6 +259,8 @@ void LiveEdge::State::fuse_all() {
   }
   for (auto& [name, robot] : robots) {
     if (robot.outcome->map) made.emplace_back(subject::kRobotMap, tiers::first_update(*robot.outcome->map, edge));
+    for (const Map& apart : robot.outcome->apart)
+      made.emplace_back(subject::kRobotMap, tiers::first_update(apart, edge));
     made.emplace_back(subject::kRobotReport, encode(robot.record));
     robot.outcome.reset();  // the server has it
   }

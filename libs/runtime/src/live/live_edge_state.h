@@ -3,6 +3,7 @@
 // each robot, and one that merges (live_edge_maps.cpp).
 
 #include "numbered_wire.h"
+#include "on_board.h"
 #include "robot_record.h"
 
 #include "../journal_saver.h"
@@ -29,9 +30,10 @@ struct LiveEdge::State {
     std::size_t queue_bytes = 0;
     std::optional<tiers::RobotOutcome> outcome;
     bool has_ended = false;
-    // Of its thread, but for `slam` under slam_mutex.
+    // Of its thread, but for `slam` and `on_board` under slam_mutex.
     std::mutex slam_mutex;
     std::optional<tiers::RobotSlam> slam;
+    OnBoardParts on_board;  // where it maps itself
     RobotRecord record;
     std::optional<Stamp> first_scan, last_scan;
     Clock::time_point began{};
@@ -90,8 +92,9 @@ struct LiveEdge::State {
 
   void replay();
   void map(Robot& robot);
-  void begin(Robot& robot, const SessionId& session) const;
+  void begin(Robot& robot, const SessionId& session, bool is_on_board) const;
   std::optional<tiers::RobotOutcome> step(Robot& robot, Sensed sensed, std::size_t bytes);
+  static tiers::RobotOutcome mapped_on_board(Robot& robot, const std::optional<Error>& trouble);
   static void complete(Robot& robot, const tiers::RobotOutcome& outcome);
 
   void merge();

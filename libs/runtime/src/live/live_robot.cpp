@@ -1,4 +1,5 @@
 #include "numbered_wire.h"
+#include "on_board.h"
 
 #include "../unit_notes.h"
 
@@ -11,6 +12,7 @@
 #include <mapweave/tiers/robot_agent.h>
 #include <mapweave/tiers/subjects.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
@@ -20,7 +22,20 @@ namespace mapweave::runtime {
 namespace {
 
 constexpr std::chrono::milliseconds kStep{20};
+constexpr std::int64_t kMoment_ns = 50'000'000;           // of data, that a robot maps on board at a time
 constexpr std::size_t kReadAhead = std::size_t{4} << 20;  // bytes, where the edge sets the pace
+
+std::string sensor_of(const PlannedRobot& planned) {
+  if (planned.sensors.scans != nullptr) return std::string(planned.sensors.scans->name);
+  return planned.sensors.cameras.empty() ? "laser" : "camera";
+}
+
+using Anchor = std::optional<std::pair<Stamp, Clock::time_point>>;  // when something was said
+
+Clock::time_point due_at(Stamp stamp, const Anchor& anchor, double speed) {
+  return anchor->second + std::chrono::duration_cast<Clock::duration>(
+                              std::chrono::duration<double>(seconds_between(anchor->first, stamp) / speed));
+}
 
 }  // namespace
 
@@ -36,7 +51,9 @@ struct LiveRobot::State {
   std::condition_variable& changed = *woken;  // channels may outlive the robot
   std::optional<NumberedWire> wire;           // once it is known which run this is
   LiveRobotCounts counts;
-  bool begins_again = false, ends = false, gives_up = false;
+  bool begins_again = false, ends = false;
+  std::atomic<bool> gives_up{false};
+  std::vector<Sensed> mapped;  // of the reader: what it mapped on board, to be said
   std::thread reader, speaker;
 
   State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, Connect to_edge)
@@ -44,15 +61,18 @@ struct LiveRobot::State {
         configuration(configuration_of(all, planned)),
         options(live),
         connect(std::move(to_edge)),
-        sensor(planned.sensors.scans != nullptr ? std::string(planned.sensors.scans->name) : "laser"),
+        sensor(sensor_of(planned)),
         agreement(agreement_of(all)) {}
   const Hash agreement;
 
   void read();
   void play();
+  void play_on_board();
+  bool map_on_board();
+  bool wait_until_due(Stamp stamp, Anchor& anchor);
   bool say(Sensed message);
   void begin(Stamp first);
-  void pace(const Sensed& message, std::optional<std::pair<Stamp, Clock::time_point>>& anchor);
+  void pace(const Sensed& message, Anchor& anchor);
   void speak();
   std::optional<Error> play_records(tiers::RobotAgent& agent, UnitNotes& units);
   StreamEnd last_word(StreamEnd end, const tiers::RobotAgent& agent, const UnitNotes& units) const;
@@ -72,7 +92,7 @@ void LiveRobot::State::begin(Stamp first) {
 }
 
 // As it was sensed: what the edge has is passed over at once.
-void LiveRobot::State::pace(const Sensed& message, std::optional<std::pair<Stamp, Clock::time_point>>& anchor) {
+void LiveRobot::State::pace(const Sensed& message, Anchor& anchor) {
   std::unique_lock lock(mutex);
   const auto must_stop = [&] { return begins_again || ends || gives_up; };
   if (options.speed > 0.0) {
@@ -80,9 +100,7 @@ void LiveRobot::State::pace(const Sensed& message, std::optional<std::pair<Stamp
       anchor = {message.stamp, Clock::now()};
       return;
     }
-    const auto due = anchor->second + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-                                          seconds_between(anchor->first, message.stamp) / options.speed));
-    changed.wait_until(lock, due, must_stop);
+    changed.wait_until(lock, due_at(message.stamp, anchor, options.speed), must_stop);
   } else {
     changed.wait(lock, [&] { return must_stop() || wire->waiting_bytes() < kReadAhead; });
   }
@@ -112,7 +130,7 @@ std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, Un
     if (robot.trouble) throw Error(*robot.trouble);
     auto log = rawlog::open_log(robot.log, configuration.reading);
     if (const auto as_scans = robot.sensors.scans->as_scans) log = as_scans(std::move(log));
-    std::optional<std::pair<Stamp, Clock::time_point>> anchor;
+    Anchor anchor;
     std::optional<Stamp> first;
     while (const auto record = log->next()) {
       units.add(*record);
@@ -184,9 +202,55 @@ void LiveRobot::State::play() {
   counts.is_read = !begins_again;
 }
 
+// False: the recording is not read on.
+bool LiveRobot::State::wait_until_due(Stamp stamp, Anchor& anchor) {
+  std::unique_lock lock(mutex);
+  const auto must_stop = [&] { return ends || gives_up; };
+  if (!anchor) anchor = {stamp, Clock::now()};
+  if (options.speed > 0.0) changed.wait_until(lock, due_at(stamp, anchor, options.speed), must_stop);
+  return !must_stop();
+}
+
+// False: nobody wants it any more.
+bool LiveRobot::State::map_on_board() {
+  OnBoardMapping mapping(robot, configuration);
+  Anchor anchor;
+  try {
+    for (auto next = mapping.next(); next && wait_until_due(*next, anchor); next = mapping.next()) {
+      begin(anchor->first);
+      mapping.advance({next->ns + kMoment_ns}, gives_up);
+      const std::lock_guard lock(mutex);
+      counts.scans = counts.records = mapping.seen();
+      counts.recorded_s = seconds_between(anchor->first, *next);
+    }
+  } catch (const Interrupted&) {  // the recording ends there
+    const std::lock_guard lock(mutex);
+    ends = true;
+  }
+  if (gives_up) return false;
+  begin({});  // where nothing came
+  bool is_asked_to_end = false;
+  {
+    const std::lock_guard lock(mutex);
+    is_asked_to_end = ends;
+  }
+  mapped = mapping.finish(is_asked_to_end);
+  const std::lock_guard lock(mutex);
+  begins_again = false;  // it has said nothing yet
+  return true;
+}
+
+void LiveRobot::State::play_on_board() {
+  if (mapped.empty() && !map_on_board()) return;
+  for (const Sensed& message : mapped) say(message);
+  const std::lock_guard lock(mutex);
+  counts.is_read = !begins_again;
+}
+
 void LiveRobot::State::read() {
+  const bool is_on_board = maps_on_board(robot, configuration);
   while (true) {
-    play();
+    is_on_board ? play_on_board() : play();
     std::unique_lock lock(mutex);
     changed.wait(lock, [&] { return begins_again || gives_up; });
     if (gives_up) return;
@@ -226,9 +290,12 @@ void LiveRobot::State::speak() {
 LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
                      Connect to_edge)
     : state_(new State(robot, configuration, options, std::move(to_edge))) {
-  if (!robot.trouble && (robot.sensors.scans == nullptr || !robot.sensors.cameras.empty()))
-    throw Error(ErrorCode::kBadInput, "robot '" + robot.id.str() + "' maps with cameras", robot.log.string(),
-                "robots that run as programs of their own map with a laser: set sensor: laser");
+  if (!robot.trouble && (robot.sensors.scans == nullptr) == robot.sensors.cameras.empty())
+    throw Error(ErrorCode::kBadInput,
+                "robot '" + robot.id.str() + "' maps with " +
+                    (robot.sensors.cameras.empty() ? "nothing" : "a laser and cameras at once"),
+                robot.log.string(),
+                "robots that run as programs of their own map with one of them: set sensor: laser, or cameras");
   state_->reader = std::thread([state = state_.get()] { state->read(); });
   state_->speaker = std::thread([state = state_.get()] { state->speak(); });
 }
@@ -263,6 +330,7 @@ bool LiveRobot::wait(std::chrono::milliseconds patience) const {
 LiveRobotCounts LiveRobot::counts() const {
   const std::lock_guard lock(state_->mutex);
   LiveRobotCounts counts = state_->counts;
+  counts.is_on_board = maps_on_board(state_->robot, state_->configuration);
   if (!state_->wire) return counts;
   counts.confirmed = state_->wire->confirmed();
   counts.waiting_bytes = state_->wire->waiting_bytes();

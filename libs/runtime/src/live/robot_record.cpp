@@ -1,9 +1,9 @@
 #include "robot_record.h"
 
-#include <mapweave/runtime/json_text.h>
-#include <mapweave/scheduling/json_fields.h>
+#include "cameras_record.h"
+#include "record_json.h"
 
-#include <cmath>
+#include <mapweave/runtime/json_text.h>
 
 namespace mapweave::runtime {
 namespace {
@@ -14,60 +14,6 @@ using scheduling::refuse;
 
 constexpr double kMost = 1e15;
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;
-constexpr std::size_t kPoseNumbers = 8;  // stamp in nanoseconds, t, q as x, y, z, w
-
-Json json_of(const std::vector<StampedPose>& poses) {
-  Json list = Json::array();
-  for (const StampedPose& pose : poses) {
-    const Pose3& p = pose.map_from_robot;
-    list.push_back({pose.stamp.ns, p.t.x(), p.t.y(), p.t.z(), p.q.x(), p.q.y(), p.q.z(), p.q.w()});
-  }
-  return list;
-}
-
-std::vector<StampedPose> poses_of(const Json& list, const std::string& where, const std::string& key) {
-  constexpr double kUnit = 1e-6;
-  if (!list.is_array()) refuse("a list of poses was expected", where, key, "");
-  std::vector<StampedPose> poses;
-  poses.reserve(list.size());
-  for (const Json& one : list) {
-    if (!one.is_array() || one.size() != kPoseNumbers || !one[0].is_number_integer())
-      refuse("a pose is a stamp and seven numbers", where, key, "");
-    double numbers[kPoseNumbers] = {};
-    for (std::size_t i = 1; i < kPoseNumbers; ++i)
-      numbers[i] = scheduling::number(one[i], -kMost, kMost, false, where, key);
-    StampedPose pose;
-    pose.stamp.ns = one[0].get<std::int64_t>();
-    pose.map_from_robot.t = {numbers[1], numbers[2], numbers[3]};
-    pose.map_from_robot.q = Eigen::Quaterniond(numbers[7], numbers[4], numbers[5], numbers[6]);
-    if (std::abs(pose.map_from_robot.q.norm() - 1.0) > kUnit) refuse("a rotation that is none", where, key, "");
-    if (!poses.empty() && pose.stamp < poses.back().stamp) refuse("stamps run backwards", where, key, "");
-    poses.push_back(pose);
-  }
-  return poses;
-}
-
-std::string text_of(const Json& value, const std::string& where, const std::string& key) {
-  if (!value.is_string()) refuse("a text was expected", where, key, "");
-  return value.get<std::string>();
-}
-
-Json json_of(const Error& error) {
-  return {{"code", static_cast<int>(error.code())},
-          {"problem", error.problem()},
-          {"where", error.where()},
-          {"remedy", error.remedy()}};
-}
-
-Error error_of(const Json& json, const std::string& where) {
-  const std::string key = "trouble";
-  if (!json.is_object()) refuse("an object was expected", where, key, "");
-  const double code = scheduling::number(member(json, "code", where, key), 0.0,
-                                         static_cast<double>(ErrorCode::kInternal), false, where, key + ".code");
-  return Error(static_cast<ErrorCode>(static_cast<int>(code)), text_of(member(json, "problem", where, key), where, key),
-               text_of(member(json, "where", where, key), where, key),
-               text_of(member(json, "remedy", where, key), where, key));
-}
 
 std::string hex_or_nothing(const RobotRecord& record) { return record.log.empty() ? "" : to_hex(record.log_sha256); }
 
@@ -101,6 +47,7 @@ std::string encode(const RobotRecord& record) {
   json["sensor"] = record.sensor;
   json["live"] = json_of(record.live);
   json["odometry"] = json_of(record.odometry);
+  if (record.cameras) json["cameras"] = json_of(*record.cameras);
   return json_text(json, -1);
 }
 
@@ -123,35 +70,55 @@ RobotRecord decode_robot_record(std::string_view bytes, const std::string& where
   record.mapping_s = number("mapping_cpu_seconds");
   record.helper_s = number("helper_cpu_seconds");
   record.wall_s = number("wall_seconds");
-  const Json& notes = member(json, "notes", where, "");
-  if (!notes.is_array()) refuse("a list was expected", where, "notes", "");
-  for (const Json& note : notes) record.notes.push_back(text_of(note, where, "notes"));
+  record.notes = texts_of(member(json, "notes", where, ""), where, "notes");
   record.log = text_of(member(json, "log", where, ""), where, "log");
   if (!record.log.empty())
     record.log_sha256 = hash_of_hex(text_of(member(json, "log_sha256", where, ""), where, "log_sha256"), where);
   record.sensor = scheduling::name(member(json, "sensor", where, ""), where, "sensor");
   record.live = poses_of(member(json, "live", where, ""), where, "live");
   record.odometry = poses_of(member(json, "odometry", where, ""), where, "odometry");
+  if (json.contains("cameras")) record.cameras = cameras_of(json["cameras"], where);
   return record;
 }
 
-RobotResult result_of(RobotRecord record, std::optional<Map> map, const PlannedRobot& robot,
+RobotResult result_of(RobotRecord record, std::vector<Map> maps, const PlannedRobot& robot,
                       const RunConfiguration& configuration) {
   RobotResult result;
-  result.outcome = {robot.id, std::move(map), record.trouble, record.helper_s};
   result.report.id = result.work.id = robot.id;
   result.report.edge = result.work.edge = robot.edge;
   result.report.scans = record.scans;
-  result.report.log_seconds = result.work.log_s = record.log_s;
   result.report.wall_seconds = record.wall_s;
   result.report.cpu_seconds = result.work.mapping_s = record.mapping_s + record.helper_s;
-  result.report.mapped = result.outcome.map.has_value();
-  result.report.trouble = record.trouble;
   result.work.sensed_bytes = record.sensed_bytes;
   result.work.map_bytes = record.map_bytes;
   result.notes = std::move(record.notes);
   if (!record.log.empty()) result.input = InputFile{record.log, record.log_sha256};
   std::vector<rig::SpokenPoses> sensors;
+  if (record.cameras) {
+    CamerasOutcome& cameras = *record.cameras;
+    cameras.robot = robot;
+    cameras.trouble = record.trouble;
+    std::vector<CameraMap> known;  // those that came
+    for (CameraMap& camera : cameras.maps)
+      for (Map& map : maps)
+        if (map.id == camera.map.id && !map.empty()) {
+          camera.map = std::move(map);
+          camera.trajectory = robot_trajectory_of(camera.map, camera.trajectories, cameras.odometry,
+                                                  configuration_of(configuration, robot).rig.trajectory);
+          known.push_back(std::move(camera));
+          break;
+        }
+    cameras.maps = std::move(known);
+    result.work.seeing_s = cameras.cpu_seconds;
+    take_cameras(std::move(cameras), configuration_of(configuration, robot), result, {sensors, record.odometry});
+  } else {
+    result.outcome = {robot.id, maps.empty() ? std::nullopt : std::optional(std::move(maps.front())), record.trouble,
+                      record.helper_s};
+    result.report.log_seconds = record.log_s;
+  }
+  result.work.log_s = result.report.log_seconds;
+  result.report.mapped = result.outcome.map.has_value();
+  result.report.trouble = record.trouble;
   if (!record.live.empty()) {
     sensors.emplace_back();
     sensors.back().sensor = {record.sensor, true, true, {}};

@@ -1,5 +1,6 @@
 #pragma once
-// What an edge says of a robot that has ended, beside its map, for the folder of results. As JSON.
+// What an edge says of a robot that has ended, beside its maps, for the folder of results, and what a robot that maps
+// on board says to its edge. As JSON.
 
 #include <mapweave/runtime/robot_task.h>
 
@@ -20,14 +21,15 @@ struct RobotRecord {
   std::string sensor;             // "laser"
   std::vector<StampedPose> live;  // where it was, as it came (LivePose)
   std::vector<StampedPose> odometry;
+  std::optional<CamerasOutcome> cameras;  // of a robot that maps with them: its maps by their ids alone
 };
 
 std::string encode(const RobotRecord& record);
 // Throws Error kCorrupt or kBadInput for what is not sound.
 RobotRecord decode_robot_record(std::string_view bytes, const std::string& where);
 
-// As a task of this process would have left it. map: none where it left none.
-RobotResult result_of(RobotRecord record, std::optional<Map> map, const PlannedRobot& robot,
+// As a task of this process would have left it. maps: none where it left none.
+RobotResult result_of(RobotRecord record, std::vector<Map> maps, const PlannedRobot& robot,
                       const RunConfiguration& configuration);
 
 }  // namespace mapweave::runtime

@@ -100,13 +100,22 @@ struct InertialYaw {
   double yaw_rad = 0.0;  // not wrapped
 };
 
+// What a robot that maps on board made, before its end: its maps, each as its first update, encoded, and a report on
+// how. Cut into parts.
+struct MappedPart {
+  bool is_report = false;  // else of a map
+  bool ends = false;       // the last part of this map or report
+  std::string bytes;       // at most kMostPartBytes
+};
+inline constexpr std::size_t kMostPartBytes = std::size_t{8} << 20;
+
 // Robot -> edge: one scan, one pose of the wheels (odometry_from_robot), one heading of the inertial unit, that a scan
-// was lost, or the end.
+// was lost, a part of what it mapped on board, or the end.
 struct Sensed {
   RobotId robot;
   std::uint64_t sequence = 0;  // counts from 1
   Stamp stamp;                 // of the end: nothing
-  std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan> body;
+  std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan, MappedPart> body;
 };
 
 // Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is

@@ -1,6 +1,7 @@
 #pragma once
 // A robot of a deployment: plays its recording, packs what a laser mapper needs, and sends it to its edge, whatever
-// becomes of the wire meanwhile.
+// becomes of the wire meanwhile. A robot that maps on board (cameras; a laser in mode onboard) sends its maps at its
+// end.
 
 #include <mapweave/runtime/live_options.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -19,11 +20,13 @@ namespace mapweave::runtime {
 using Connect = std::function<std::shared_ptr<transport::Channel>()>;
 
 struct LiveRobotCounts {
-  std::uint64_t records = 0, scans = 0, lost_scans = 0;  // read; of these, packed; that there was no room for
+  std::uint64_t records = 0, scans = 0, lost_scans = 0;  // read; of these, packed; that there was no room for; on board
+                                                         // records and scans are what was mapped, scans or frames
   std::uint64_t messages = 0, confirmed = 0;             // said; that the edge has stored
   std::size_t waiting_bytes = 0;                         // of those that it has not
   std::uint64_t sent_bytes = 0;                          // repetitions too
   double recorded_s = 0.0;                               // of data, so far
+  bool is_on_board = false;                              // it maps itself
   bool is_read = false;                                  // the recording has ended
   double silent_s = 0.0;                                 // since the edge said something
   std::string refusal;                                   // the edge's last one
@@ -34,7 +37,7 @@ struct LiveRobotCounts {
 class LiveRobot {
  public:
   // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
-  // for a robot that does not map with a laser alone.
+  // for a robot that does not map with either a laser or cameras.
   LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
             Connect to_edge);
   ~LiveRobot();
@@ -56,7 +59,8 @@ class LiveRobot {
 Hash agreement_of(RunConfiguration configuration);
 
 // Throws Error(kBadInput), naming the key, for what robots, edges and a cloud that run as programs of their own do not
-// do yet: cameras, maps on board, a coordinator, parts of logs. The plan's sensors need not be chosen.
+// do yet: lasers and cameras of one robot, cameras that share while they drive, a coordinator, parts of logs. The
+// plan's sensors need not be chosen.
 void expect_live(const RunConfiguration& configuration, const RunPlan& plan);
 
 }  // namespace mapweave::runtime

@@ -47,6 +47,14 @@ struct MappedTogether {
 // and the signal is forgotten. The plan's sensors are chosen.
 RobotResult map_robot(const PlannedRobot&, const MappingSettings&, MappedTogether = {});
 
+// What sensors said while the robot drove, to be added to.
+struct LiveInputs {
+  std::vector<rig::SpokenPoses>& sensors;
+  std::vector<StampedPose>& odometry;
+};
+// Adds what the robot's cameras left: their maps, in one graph with a map of the laser that is there already.
+void take_cameras(CamerasOutcome cameras, const RunConfiguration& configuration, RobotResult& result, LiveInputs live);
+
 // Adds the robot's pose as it came, by what its sensors said while it drove, or a note on why there is none.
 void fuse_poses(const RobotId& robot, const RunConfiguration& configuration, std::vector<rig::SpokenPoses> sensors,
                 const std::vector<StampedPose>& odometry, RobotResult& result);
