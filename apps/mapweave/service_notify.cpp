@@ -59,8 +59,9 @@ std::string with_trouble(const std::string& status, const std::string& trouble) 
 
 ServiceTurn service_turn_of(const runtime::LiveRobotCounts& counts) {
   ServiceTurn turn;
-  turn.status = std::to_string(counts.scans) + " scans sensed, " + std::to_string(counts.lost_scans) + " lost, " +
-                std::to_string(counts.waiting_bytes >> 10) + " kB not yet at the edge";
+  turn.status = std::to_string(counts.scans) + (counts.is_on_board ? " scans or frames mapped, " : " scans sensed, ") +
+                std::to_string(counts.lost_scans) + " lost, " + std::to_string(counts.waiting_bytes >> 10) +
+                " kB not yet at the edge";
   turn.status = with_trouble(turn.status, counts.refusal);
   return turn;
 }
