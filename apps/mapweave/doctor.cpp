@@ -111,7 +111,7 @@ Json rates_of(const Json& before, const Json& after) {
 
 Json look_at_program(const std::string& user, const std::optional<Word>& before, const std::optional<Word>& after,
                      double patience_s) {
-  Json seen = {{"program", user}, {"heard_seconds_ago", nullptr}, {"findings", Json::array()}};
+  Json seen = {{"program", user}, {"silent_seconds", nullptr}, {"findings", Json::array()}};
   const auto find = [&](const char* level, const std::string& what, const std::string& remedy) {
     seen["findings"].push_back(finding(level, what, remedy));
   };
@@ -120,17 +120,17 @@ Json look_at_program(const std::string& user, const std::optional<Word>& before,
       (user == "cloud" ? "cloud CONFIG --out DIR"
                        : user.substr(0, user.find('-')) + " CONFIG --name " + user.substr(user.find('-') + 1));
   if (!after) {
-    find("error", "it was never heard", start);
+    find("error", "it never said anything", start);
     return seen;
   }
   const Json& tier = after->status["tiers"][0];
-  seen["heard_seconds_ago"] = after->age_s;
+  seen["silent_seconds"] = after->age_s;
   seen["clock_offset_seconds"] = after->clock_offset_s;
   seen["rates"] = before ? rates_of(before->status, after->status) : Json::object();
   seen["status"] = after->status;
   const bool is_done = tier.value("is_done", false);
   if (!is_done && after->age_s > patience_s)
-    find("error", format("it was heard last %.0f s ago", after->age_s), "look whether it runs; else " + start);
+    find("error", format("it said something last %.0f s ago", after->age_s), "look whether it runs; else " + start);
   if (std::abs(after->clock_offset_s) > kMostClockOffset_s)
     find("warning",
          format("its clock is %.1f s %s the broker's", std::abs(after->clock_offset_s),
@@ -147,9 +147,9 @@ Json look_at_program(const std::string& user, const std::optional<Word>& before,
 
 std::string in_words(const Json& seen) {
   std::string text = seen["program"].get<std::string>() + ": ";
-  if (seen["heard_seconds_ago"].is_null()) return text + "never heard";
+  if (seen["silent_seconds"].is_null()) return text + "it never said anything";
   const Json& tier = seen["status"]["tiers"][0];
-  text += format("heard %.0f s ago; ", seen["heard_seconds_ago"].get<double>()) + tier.value("state", "");
+  text += format("said something %.0f s ago; ", seen["silent_seconds"].get<double>()) + tier.value("state", "");
   const Json counts = tier.value("counts", Json::object());
   const auto add = [&](const char* name, const char* words) {
     if (counts.contains(name)) text += "; " + std::to_string(counts[name].get<std::int64_t>()) + words;

@@ -5,6 +5,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
+#include <mapweave/core/journal.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/runtime/manifest.h>
@@ -122,11 +123,16 @@ ExitCode run_program(int argc, char** argv) {
   return ExitCode::wrong_usage;
 }
 
+void complain(const std::string& what, LogLevel level = LogLevel::error) {
+  std::fprintf(stderr, "%smapweave: %s\n", journal_prefix(level).c_str(), what.c_str());
+}
+
 }  // namespace
 }  // namespace mapweave::app
 
 int main(int argc, char** argv) {
   using mapweave::ExitCode;
+  using mapweave::app::complain;
   ExitCode code = ExitCode::failed;
   mapweave::runtime::return_large_blocks();
   mapweave::install_interrupt_handlers();
@@ -136,20 +142,20 @@ int main(int argc, char** argv) {
     if (!std::cout) throw mapweave::Error(mapweave::ErrorCode::kCannotWrite, "cannot write results", "standard output");
     code = ended;
   } catch (const mapweave::Interrupted& interrupted) {
-    std::fprintf(stderr, "mapweave: %s\n", interrupted.message().c_str());
+    complain(interrupted.message(), mapweave::LogLevel::info);
     code = ExitCode::interrupted;
   } catch (const mapweave::Error& error) {
-    std::fprintf(stderr, "mapweave: %s\n", error.what());
+    complain(error.what());
     code = mapweave::exit_code(error.code());
   } catch (const std::filesystem::filesystem_error& error) {
-    std::fprintf(stderr, "mapweave: %s: %s; check the path\n", error.path1().c_str(), error.code().message().c_str());
+    complain(error.path1().string() + ": " + error.code().message() + "; check the path");
     code = ExitCode::bad_input;
   } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "mapweave: out of memory\n");
+    std::fprintf(stderr, "mapweave: out of memory\n");  // takes none
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "mapweave: internal error: %s\n", error.what());
+    complain(std::string("internal error: ") + error.what());
   } catch (...) {
-    std::fprintf(stderr, "mapweave: internal error\n");
+    complain("internal error");
   }
   return static_cast<int>(code);
 }

@@ -5,6 +5,7 @@
 #include "command_line.h"
 #include "configuration.h"
 #include "misplaced_input.h"
+#include "service_notify.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -108,11 +109,13 @@ ExitCode serve_robot(const Arguments& arguments) {
     return runtime::program_status("robot", name.str(),
                                    {runtime::tier_status(name, planned.edge, robot.counts(), terms)}, terms);
   });
+  ServiceNotifier service;
   bool is_asked = false;
   while (!robot.is_done()) {
     teller.tell();
+    service.turn(service_turn_of(robot.counts()));
     if (!signals.wait(kStep)) continue;
-    if (is_asked)
+    if (is_asked || signals.asks_for_a_pause())
       throw Interrupted("interrupted; " + std::to_string(robot.counts().waiting_bytes) +
                         " bytes did not get to the edge, which goes on when the robot is started again");
     is_asked = true;
@@ -153,9 +156,11 @@ ExitCode serve_edge(const Arguments& arguments) {
     const auto page = page_if_wanted(deployment, "mapweave serve edge " + name.str(), *progress, edge, status);
     StatusTeller teller(wires, "edge-" + name.str(), true, status);
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
+    ServiceNotifier service;
     while (!edge.counts().is_done) {
       robots.keep();
       teller.tell();
+      service.turn(service_turn_of(edge.counts()));
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
                           " when it is started again");
@@ -190,12 +195,17 @@ ExitCode serve_cloud(const Arguments& arguments) {
     const auto page = page_if_wanted(deployment, "mapweave serve cloud", *progress, cloud, status);
     StatusTeller teller(wires, "cloud", true, status);
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
-    report = wait_for_results(
-        cloud, signals, [&] { cloud.seal_now(); },
-        [&] {
-          edges.keep();
-          teller.tell();
-        });
+    ServiceNotifier service;
+    const auto asked = [&] {
+      if (signals.asks_for_a_pause())
+        throw Interrupted("interrupted; the cloud goes on from " + journal->string() + " when it is started again");
+      cloud.seal_now();
+    };
+    report = wait_for_results(cloud, signals, asked, [&] {
+      edges.keep();
+      teller.tell();
+      service.turn(service_turn_of(cloud.counts()));
+    });
     teller.tell(true);
   }
   remove_journal(*journal);

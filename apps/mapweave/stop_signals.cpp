@@ -26,7 +26,11 @@ bool StopSignals::wait(std::chrono::milliseconds patience) {
   timespec time{};
   time.tv_sec = seconds.count();
   time.tv_nsec = std::chrono::nanoseconds(patience - seconds).count();
-  return sigtimedwait(&set, nullptr, &time) > 0;
+  const int came = sigtimedwait(&set, nullptr, &time);
+  if (came > 0) last_ = came;
+  return came > 0;
 }
+
+bool StopSignals::asks_for_a_pause() const { return last_ == SIGTERM; }
 
 }  // namespace mapweave::app

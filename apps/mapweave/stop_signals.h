@@ -12,6 +12,12 @@ class StopSignals {
   StopSignals();
   // Whether one came, within so long.
   bool wait(std::chrono::milliseconds patience);
+  // The last one that came was SIGTERM, as of a service manager: the program goes on when it is started again, so that
+  // it must not end its part of the work.
+  bool asks_for_a_pause() const;
+
+ private:
+  int last_ = 0;
 };
 
 }  // namespace mapweave::app

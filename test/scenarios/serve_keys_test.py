@@ -62,11 +62,15 @@ class ServeKeys(serve_test.WithBroker):
         self.mapweave("run", "logs/run.yaml", "--out", "run", code=(support.DONE, support.APART))
         port = serve_test.free_port()
         made = self.make_keys(port)
-        self.assertIn("4 users", made.stdout)
+        self.assertIn("5 users", made.stdout)
         for path in (self.folder / "keys").iterdir():
             self.assertEqual(stat.S_IMODE(path.stat().st_mode) & 0o077, 0, f"{path.name} can be read by others")
         self.start_guarded_broker(port)
         talk = ["--set", f"live.broker=nats://127.0.0.1:{port}", "--set", "live.speed=0"]
+        look = ["doctor", "logs/run.yaml", "--json", *talk[:2], "--set", "live.keys=keys/doctor.keys"]
+        nobody = json.loads(self.mapweave(*look, code=support.GATE_FAILED).stdout)
+        self.assertEqual([program["silent_seconds"] for program in nobody["deployment"]["programs"]], [None] * 4)
+        self.assertFalse(nobody["is_healthy"])
         cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk, "--set", "live.keys=keys/cloud.keys")
         edge = self.start("serve", "edge", "logs/run.yaml", *talk, "--set", "live.keys=keys/edge-north.keys")
         robots = [self.start("serve", "robot", "logs/run.yaml", "--name", name, *talk, "--set", f"live.keys=keys/robot-{name}.keys")
@@ -76,6 +80,13 @@ class ServeKeys(serve_test.WithBroker):
         self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
         self.end(edge)
         self.assert_same_map("live", "run")
+        found = json.loads(self.mapweave(*look).stdout)
+        self.assertTrue(found["is_healthy"], found)
+        programs = {program["program"]: program for program in found["deployment"]["programs"]}
+        self.assertEqual(sorted(programs), ["cloud", "edge-north", "robot-alpha", "robot-beta"])
+        for name, program in programs.items():
+            self.assertTrue(program["status"]["tiers"][0]["is_done"], name)
+            self.assertLess(abs(program["clock_offset_seconds"]), 1.0, name)
 
         keys = self.read_json("keys/robot-alpha.keys")
         alpha = Broker(port, keys)
@@ -93,12 +104,12 @@ class ServeKeys(serve_test.WithBroker):
         before = {path.name: path.read_bytes() for path in (self.folder / "keys").glob("*.keys")}
         run = self.folder / "logs/run.yaml"
         run.write_text(run.read_text() + '  - {id: "gamma", log: "alpha.rawlog", edge: "south"}\n')
-        self.assertIn("6 users, 4 of them known before", self.make_keys(4222).stdout)
+        self.assertIn("7 users, 5 of them known before", self.make_keys(4222).stdout)
         for name, content in before.items():
             self.assertEqual((self.folder / "keys" / name).read_bytes(), content)
         configuration = self.read_json("keys/broker.conf")
         self.assertEqual({user["user"] for user in configuration["authorization"]["users"]},
-                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud"})
+                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud", "doctor"})
         done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "no host", "--out", "other", code=support.BAD_INPUT)
         self.assert_says(done, "'no host' is neither a host's name nor an IP address")
         far = ["serve", "robot", "logs/run.yaml", "--name", "alpha", "--set", "live.broker=nats://192.0.2.1:4222"]

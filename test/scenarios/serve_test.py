@@ -255,13 +255,17 @@ class Serve(WithBroker):
     def test_an_edge_and_a_cloud_show_pages_and_say_whom_they_miss(self):
         self.simulate()
         ports = {"cloud": free_port(), "edge": free_port()}
-        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.patience_s=0.5"]
+        broker = ["--set", f"live.broker={self.start_broker()}"]
+        talk = [*broker, "--set", "live.patience_s=0.5"]
         cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk, "--set", f"live.page_port={ports['cloud']}")
         edge = self.start("serve", "edge", "logs/run.yaml", "--name", "south", *talk, "--set", f"live.page_port={ports['edge']}")
         unhealthy = (503, "edge south: nobody")
         self.wait_for(lambda: "robot beta never came" in findings(ports["edge"]), "the edge misses its robot")
         self.wait_for(lambda: "edge north never came" in findings(ports["cloud"]) and "edge south" not in findings(ports["cloud"]), "the cloud misses an edge")
         self.assertEqual(ask(ports["cloud"], "/healthz"), (200, "ok\n"), "an edge is there")
+        done = self.mapweave("doctor", "logs/run.yaml", *broker, code=support.GATE_FAILED)
+        for words in ("edge-north: it never said anything", "mapweave serve edge CONFIG --name north", "robot beta never came", "something needs help"):
+            self.assertIn(words, done.stdout)
         cloud.kill()
         cloud.wait()
         self.wait_for(lambda: ask(ports["edge"], "/healthz")[0] == unhealthy[0], "the edge is alone")
@@ -269,6 +273,64 @@ class Serve(WithBroker):
         edge.send_signal(signal.SIGINT)
         self.assertIn("goes on from", edge.communicate(timeout=60 * support.PATIENCE)[1])
         self.assertEqual(edge.returncode, support.INTERRUPTED)
+
+    def stop(self, process):
+        """As a service manager does."""
+        process.send_signal(signal.SIGTERM)
+        _, error = process.communicate(timeout=30 * support.PATIENCE)
+        self.assertEqual(process.returncode, support.INTERRUPTED, error)
+
+    def test_all_are_stopped_as_services_and_go_on_to_the_map_of_a_run(self):
+        self.simulate()
+        self.mapweave("run", "logs/run.yaml", "--out", "run")
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=4"]
+        programs = [("cloud", "--out", "live"), ("edge", "--name", "north"), ("edge", "--name", "south"),
+                    *(("robot", "--name", name) for name in ("alpha", "beta", "gamma"))]
+        start = lambda: [self.start("serve", role, "logs/run.yaml", *rest, *talk) for role, *rest in programs]
+        running = start()
+        journal = self.folder / "mapweave-store/north.mwj-wal"
+        self.wait_for(lambda: journal.exists() and journal.stat().st_size > 60000, "the edge keeps nothing")
+        for process in running:
+            self.assertIsNone(process.poll())
+            self.stop(process)
+        self.assertFalse((self.folder / "live").exists(), "a stop is no end of the deployment")
+        for process in start():
+            self.end(process)
+        self.assert_same_map("live", "run")
+
+    def test_a_service_manager_learns_when_an_edge_is_ready_works_and_stops(self):
+        self.simulate()
+        talk = ["--name", "north", "--set", f"live.broker={self.start_broker()}"]
+        for address in (str(self.folder / "notify"), f"\0{self.folder}/notify"):
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+                manager.bind(address)
+                manager.settimeout(30 * support.PATIENCE)
+                edge = self.start("serve", "edge", "logs/run.yaml", *talk, NOTIFY_SOCKET=address.replace("\0", "@"), WATCHDOG_USEC="300000")
+                self.assertEqual(manager.recv(4096), b"READY=1")
+                began, came = time.monotonic(), []
+                while came.count(b"WATCHDOG=1") < 5:
+                    came.append(manager.recv(4096))
+                self.assertGreater(time.monotonic() - began, 0.3, "five times, every 0.1 s")
+                self.assertIn(b"STATUS=0 of 2 robots connected, 0 scans mapped", came)
+                self.stop(edge)
+                manager.setblocking(False)
+                while (last := manager.recv(4096)) == b"WATCHDOG=1":
+                    pass
+                self.assertEqual(last, b"STOPPING=1")
+
+    def test_the_watchdog_of_another_program_is_left_alone(self):
+        self.simulate()
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+            manager.bind(str(self.folder / "notify"))
+            manager.settimeout(10 * support.PATIENCE)
+            talk = ["--name", "north", "--set", f"live.broker={self.start_broker()}"]
+            edge = self.start("serve", "edge", "logs/run.yaml", *talk, NOTIFY_SOCKET=str(self.folder / "notify"), WATCHDOG_USEC="100000", WATCHDOG_PID="1")
+            self.assertEqual(manager.recv(4096), b"READY=1")
+            self.assertTrue(manager.recv(4096).startswith(b"STATUS="))
+            manager.settimeout(1)
+            with self.assertRaises(TimeoutError, msg="the watchdog is another program's"):
+                manager.recv(4096)
+            self.stop(edge)
 
     def test_what_is_wrong_is_said_at_the_start(self):
         self.simulate()
@@ -279,6 +341,8 @@ class Serve(WithBroker):
         self.assert_says(done, "no edge 'nort'", "did you mean 'north'")
         done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "north", "--set", "mode=cloud-only", code=support.BAD_INPUT)
         self.assert_says(done, "mode: offload")
+        self.assert_says(self.mapweave("doctor", "logs/run.yaml", *nowhere, code=support.BAD_INPUT), "cannot be reached")
+        self.assertIn("nothing is wrong", self.mapweave("doctor").stdout)
         done = self.mapweave("serve", "robot", "logs/run.yaml", "--name", "alpha", *nowhere, code=support.BAD_INPUT)
         self.assert_says(done, nowhere[1].split("=")[1].removeprefix("nats://"))
 

@@ -47,8 +47,9 @@ class Scenario(unittest.TestCase):
         self.assertIn(done.returncode, allowed, f"mapweave {' '.join(map(str, arguments))}\n{done.stdout}\n{done.stderr}")
         return done
 
-    def start(self, *arguments):
-        process = subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, env=environment(), text=True, errors="replace",
+    def start(self, *arguments, **variables):
+        """Runs the program beside the test, with more variables in its environment."""
+        process = subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, env=environment() | variables, text=True, errors="replace",
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.addCleanup(lambda: process.poll() is None and process.kill())
         return process

@@ -1,6 +1,7 @@
 #include "console.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/journal.h>
 #include <mapweave/core/log.h>
 #include <spdlog/logger.h>
 #include <spdlog/sinks/base_sink.h>
@@ -10,8 +11,19 @@
 namespace mapweave {
 namespace {
 
+LogLevel level_of(const spdlog::details::log_msg& message) {
+  if (message.level >= spdlog::level::err) return LogLevel::error;
+  if (message.level == spdlog::level::warn) return LogLevel::warning;
+  return message.level == spdlog::level::info ? LogLevel::info : LogLevel::debug;
+}
+
 class ConsoleSink final : public spdlog::sinks::base_sink<std::mutex> {
   void sink_it_(const spdlog::details::log_msg& message) override {
+    if (logs_to_journal()) {
+      console::write_line(journal_prefix(level_of(message)) +
+                          std::string(message.payload.data(), message.payload.size()));
+      return;
+    }
     spdlog::memory_buf_t line;
     formatter_->format(message, line);
     std::string_view text(line.data(), line.size());

@@ -1,0 +1,29 @@
+# The Debian package: scripts/package, or cpack -G DEB in a build folder. What it holds is said by install() beside it.
+set(CPACK_PACKAGE_NAME mapweave)
+set(CPACK_PACKAGE_VENDOR "The mapweave authors")
+set(CPACK_PACKAGE_CONTACT "The mapweave authors <mapweave@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+set(CPACK_PACKAGE_DESCRIPTION "Maps what robots recorded with lasers and cameras, on the robots, on edge
+servers or in one place, and merges their maps where they show the same place.
+Units for systemd run robots, edges and a cloud as services, and map what
+arrives in a folder.")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+# The broker; what makes account and folders where there is systemd (else the package makes the account).
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "nats-server, systemd")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION TRUE)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/gui-less/debian/postinst
+  ${PROJECT_SOURCE_DIR}/gui-less/debian/prerm ${PROJECT_SOURCE_DIR}/gui-less/debian/postrm)
+include(CPack)
+
+# Debian's own form of what changed, which leads to ours.
+install(CODE "
+  string(TIMESTAMP day \"%a, %d %b %Y %H:%M:%S +0000\" UTC)
+  set(file \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share/doc/mapweave/changelog\")
+  file(WRITE \"\${file}\" \"mapweave (${PROJECT_VERSION}) bookworm; urgency=medium\\n\\n  * See CHANGELOG.md beside this file.\\n\\n -- ${CPACK_PACKAGE_CONTACT}  \${day}\\n\")
+  execute_process(COMMAND gzip -9nf \"\${file}\" COMMAND_ERROR_IS_FATAL ANY)")
