@@ -104,7 +104,7 @@ ExitCode serve_robot(const Arguments& arguments) {
                 (robot.counts().is_on_board ? " maps on board, and sends its maps at the end to edge "
                                             : " sends what it senses to edge ") +
                 planned.edge.str());
-  StatusTeller teller(wires, "robot-" + name.str(), deployment.live().keys.empty(), [&] {
+  StatusPublisher publisher(wires, "robot-" + name.str(), deployment.live().keys.empty(), [&] {
     const runtime::StatusTerms terms = since.terms();
     return runtime::program_status("robot", name.str(),
                                    {runtime::tier_status(name, planned.edge, robot.counts(), terms)}, terms);
@@ -112,7 +112,7 @@ ExitCode serve_robot(const Arguments& arguments) {
   ServiceNotifier service;
   bool is_asked = false;
   while (!robot.is_done()) {
-    teller.tell();
+    publisher.publish();
     service.turn(service_turn_of(robot.counts()));
     if (!signals.wait(kStep)) continue;
     if (is_asked || signals.asks_for_a_pause())
@@ -122,7 +122,7 @@ ExitCode serve_robot(const Arguments& arguments) {
     robot.end();
     log(LogLevel::info, "robot " + name.str() + " ends its recording and sends the rest; again to end at once");
   }
-  teller.tell(true);
+  publisher.publish(true);
   const runtime::LiveRobotCounts counts = robot.counts();
   progress->say("robot " + name.str() + ": its edge has all " +
                 (counts.is_on_board ? "that it mapped" : std::to_string(counts.scans - counts.lost_scans) + " scans") +
@@ -154,18 +154,18 @@ ExitCode serve_edge(const Arguments& arguments) {
       return runtime::program_status("edge", name.str(), {runtime::tier_status(name, edge.counts(), terms)}, terms);
     };
     const auto page = page_if_wanted(deployment, "mapweave serve edge " + name.str(), *progress, edge, status);
-    StatusTeller teller(wires, "edge-" + name.str(), true, status);
+    StatusPublisher publisher(wires, "edge-" + name.str(), true, status);
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
     ServiceNotifier service;
     while (!edge.counts().is_done) {
       robots.keep();
-      teller.tell();
+      publisher.publish();
       service.turn(service_turn_of(edge.counts()));
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
                           " when it is started again");
     }
-    teller.tell(true);
+    publisher.publish(true);
     std::this_thread::sleep_for(1s);  // its last receipts
   }
   remove_journal(*journal);
@@ -193,7 +193,7 @@ ExitCode serve_cloud(const Arguments& arguments) {
       return runtime::program_status("cloud", "cloud", {runtime::tier_status(cloud.counts(), terms)}, terms);
     };
     const auto page = page_if_wanted(deployment, "mapweave serve cloud", *progress, cloud, status);
-    StatusTeller teller(wires, "cloud", true, status);
+    StatusPublisher publisher(wires, "cloud", true, status);
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
     ServiceNotifier service;
     const auto asked = [&] {
@@ -203,10 +203,10 @@ ExitCode serve_cloud(const Arguments& arguments) {
     };
     report = wait_for_results(cloud, signals, asked, [&] {
       edges.keep();
-      teller.tell();
+      publisher.publish();
       service.turn(service_turn_of(cloud.counts()));
     });
-    teller.tell(true);
+    publisher.publish(true);
   }
   remove_journal(*journal);
   return report_result(*report, arguments.flags.out, arguments.flags.json);

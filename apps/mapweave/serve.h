@@ -51,13 +51,13 @@ struct Deployment {
 Deployment load_deployment(const std::filesystem::path& file, const WritingFlags& flags);
 
 // Says every two seconds how a program is, for who asks (mapweave doctor).
-class StatusTeller {
+class StatusPublisher {
  public:
   // makes: the stream at the broker where it is missing; robots with accounts may not.
-  StatusTeller(const runtime::NatsWires& wires, std::string user, bool makes,
-               std::function<nlohmann::ordered_json()> status)
+  StatusPublisher(const runtime::NatsWires& wires, std::string user, bool makes,
+                  std::function<nlohmann::ordered_json()> status)
       : board_(wires.board()), user_(std::move(user)), makes_(makes), status_(std::move(status)) {}
-  void tell(bool at_once = false);  // now and then
+  void publish(bool at_once = false);  // now and then
 
  private:
   transport::NatsBoard board_;

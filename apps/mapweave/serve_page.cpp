@@ -25,7 +25,7 @@ std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port
   return page;
 }
 
-void StatusTeller::tell(bool at_once) {
+void StatusPublisher::publish(bool at_once) {
   using namespace std::chrono_literals;
   constexpr auto kEvery = 2s;
   constexpr int kMakesAgain = 30;  // where somebody deleted the stream
