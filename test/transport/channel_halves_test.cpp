@@ -271,6 +271,29 @@ TEST_F(Halves, end_when_the_other_end_closes_or_begins_again) {
   EXPECT_THAT(second.held(), IsEmpty());
 }
 
+TEST_F(Halves, clear_away_what_older_sessions_left_when_they_end) {
+  const auto part = [](WireKind kind, std::uint64_t session, std::uint64_t number) {
+    return WireMessage({kind == WireKind::message ? "update" : "", "x"}, kind, 0, session, number, 4096).part(0);
+  };
+  for (const WireKind end : {WireKind::opens, WireKind::closes, WireKind::message}) {
+    ChannelReceiver late(receiver_options());
+    late.add(0, part(WireKind::message, 5, 9), "of a killed one", now_s);
+    late.add(0, part(WireKind::opens, 6, 1), "opens", now_s);
+    late.add(1, WireMessage({"update", "y"}, WireKind::message, 1, 7, 2, 4096).part(0), "of the next", now_s);
+    late.add(1, WireMessage({"update", "y"}, WireKind::message, 1, 4, 2, 4096).part(0), "of another", now_s);
+    EXPECT_FALSE(late.is_closed());
+    if (end == WireKind::opens)
+      late.add(0, part(WireKind::opens, 7, 1), "opens the next", now_s);
+    else  // in its turn, or as its sender's program was started again
+      late.add(0, part(WireKind::closes, 6, end == WireKind::closes ? 2 : kEndNumber), "closes", now_s);
+    EXPECT_TRUE(late.is_closed());
+    const auto acknowledged = late.take_acknowledged();
+    EXPECT_THAT(acknowledged, testing::IsSupersetOf({"of a killed one", "opens"}));
+    EXPECT_THAT(acknowledged, testing::Not(testing::Contains("of the next")));
+    EXPECT_EQ(std::count(acknowledged.begin(), acknowledged.end(), "of another"), end == WireKind::opens ? 1 : 0);
+  }
+}
+
 TEST_F(Halves, notice_that_the_other_program_was_started_again) {
   ChannelReceiverOptions options = receiver_options();
   options.accepts = false;

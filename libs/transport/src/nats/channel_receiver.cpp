@@ -73,6 +73,7 @@ void ChannelReceiver::route(std::size_t priority, Reassembly::Message message, d
     std::deque<Early> early = std::exchange(early_, {});
     for (Early& one : early) bytes_ -= one.message.envelope.bytes.size();
     for (Early& one : early) route(one.priority, std::move(one.message), one.since_s);
+    for (Early& one : early_) one.is_left_over = one.priority == 0;
     return;
   }
   if (message.header.session != session_) return route_of_another(priority, std::move(message), now_s);
@@ -88,7 +89,8 @@ void ChannelReceiver::route_of_another(std::size_t priority, Reassembly::Message
     ++counts_.stale;
     return acknowledge(std::move(message.tags));
   }
-  if (session_ != 0 && message.header.kind == WireKind::opens && priority == 0) return forget_all();
+  if (session_ != 0 && message.header.kind == WireKind::opens && priority == 0)
+    return forget_all(message.header.session);
   if (early_.size() >= kMostEarly) {
     ++counts_.stale;
     acknowledge(std::move(early_.front().message.tags));
@@ -99,9 +101,24 @@ void ChannelReceiver::route_of_another(std::size_t priority, Reassembly::Message
   early_.push_back({priority, std::move(message), now_s});
 }
 
-// The session has ended; what is not acknowledged of another one stays for the next channel.
-void ChannelReceiver::forget_all() {
+// Of older sessions than the one that ends, and of all but the next one where that is known. The next channel would
+// read it first, and this session and its end again after it, for ever: a consumer begins where all is acknowledged.
+void ChannelReceiver::clear_left_over(std::uint64_t next) {
+  for (Early& one : std::exchange(early_, {})) {
+    if (!one.is_left_over && (next == 0 || one.message.header.session == next)) {
+      early_.push_back(std::move(one));
+      continue;
+    }
+    ++counts_.stale;
+    bytes_ -= one.message.envelope.bytes.size();
+    acknowledge(std::move(one.message.tags));
+  }
+}
+
+// The session has ended; what is not acknowledged of the next one stays for the next channel.
+void ChannelReceiver::forget_all(std::uint64_t next) {
   is_closed_ = true;
+  clear_left_over(next);
   for (Class& one : classes_) {
     for (auto& [number, held] : one.held) acknowledge(std::move(held.replies));
     for (auto& [number, waiting] : one.waiting) acknowledge(std::move(waiting.tags));
@@ -152,7 +169,10 @@ void ChannelReceiver::deliver(Class& one, std::uint64_t number, Reassembly::Mess
     held.is_acknowledged = true;
     one.held.emplace(number, std::move(held));
     release(one);
-    if (message.header.kind == WireKind::closes) is_closed_ = true;
+    if (message.header.kind == WireKind::closes) {
+      is_closed_ = true;
+      clear_left_over(0);
+    }
     return;
   }
   held.delivery = ++deliveries_;

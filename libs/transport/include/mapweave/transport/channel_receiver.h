@@ -78,6 +78,8 @@ class ChannelReceiver {
     std::size_t priority;
     Reassembly::Message message;
     double since_s;
+    // It came before what opened this session, in the class where that comes first: what an older session left.
+    bool is_left_over = false;
   };
   bool is_repetition(std::size_t priority, const WirePart& part, const std::string& reply);
   void route(std::size_t priority, Reassembly::Message message, double now_s);
@@ -86,7 +88,9 @@ class ChannelReceiver {
   void deliver(Class& one, std::uint64_t number, Reassembly::Message message);
   void deliver_next(Class& one, double now_s);
   void release(Class& one);
-  void forget_all();
+  // next: the session that follows; 0: not known.
+  void clear_left_over(std::uint64_t next);
+  void forget_all(std::uint64_t next = 0);
   void acknowledge(std::vector<std::string>&& replies);
 
   ChannelReceiverOptions options_;
