@@ -182,7 +182,7 @@ function listen() {
     run.status = news.status;
     Object.assign(live, { receivedAt: Date.now(), connected: true });
     redrawAll();
-    takeMaps(news.maps);
+    if ('maps' in news) takeMaps(news.maps);  // not with the last event: nobody could be asked for them
   });
   source.addEventListener('end', () => {
     source.close();

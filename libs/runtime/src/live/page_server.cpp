@@ -239,7 +239,9 @@ bool PageServer::State::next_event(std::size_t offset, httplib::DataSink& sink) 
   }
   try {
     const bool ends = server->ends();
-    std::string text = event("status", {{"status", status()}, {"maps", maps_number()}});
+    Json news = {{"status", status()}};
+    if (!ends) news["maps"] = maps_number();
+    std::string text = event("status", news);
     if (ends) text += event("end", Json::object());
     if (!sink.write(text.data(), text.size())) return false;
     if (ends) sink.done();
