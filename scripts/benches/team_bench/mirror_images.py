@@ -18,7 +18,8 @@ RAWLOGS = ("malaga_sena_one_loop", "graphslam_simul", "localization_demo")
 
 
 def grids():
-    return sorted((inputs.LASER / "mapmerge_halmstad").glob("*/*.png"))
+    """Robots' maps; the buildings' layouts beside them are drawings."""
+    return sorted((inputs.LASER / "mapmerge_halmstad").glob("*/*_[0-9]*.png"))
 
 
 def read_grey_png(path):
