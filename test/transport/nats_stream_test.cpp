@@ -1,5 +1,6 @@
 #include "broker_fixture.h"
 
+#include <mapweave/transport/nats_board.h>
 #include <mapweave/transport/nats_stream.h>
 
 #include <condition_variable>
@@ -195,6 +196,26 @@ TEST_F(NatsStreamTest, of_an_edge_is_read_by_the_hubs_program_also_after_an_outa
   }));
   EXPECT_THAT(reader.take(1), ElementsAre("two"));
   EXPECT_EQ(stream.state(10s)->messages, 2U) << "stored once";
+}
+
+using NatsBoardTest = WithBroker;
+
+TEST_F(NatsBoardTest, keeps_the_last_word_of_each) {
+  const Broker broker(options());
+  NatsBoard board(connect(broker), "words");
+  EXPECT_FALSE(board.last("robot-alpha", 10s)) << "there is no board yet";
+  board.ensure(10s);
+  board.ensure(10s);
+  EXPECT_FALSE(board.last("robot-alpha", 10s));
+  const std::string word("\x00 any \xff bytes", 12);
+  for (const std::string& one : {std::string("first"), std::string(), word}) EXPECT_TRUE(board.put("robot-alpha", one));
+  EXPECT_TRUE(board.put("robot beta.1", "another"));
+  ASSERT_TRUE(soon([&] { return board.last("robot beta.1", 10s).has_value(); }));
+  const auto last = board.last("robot-alpha", 10s);
+  ASSERT_TRUE(last);
+  EXPECT_EQ(last->bytes, word);
+  EXPECT_LT(std::abs(std::chrono::duration<double>(std::chrono::system_clock::now() - last->stored).count()), 60.0);
+  EXPECT_FALSE(board.put("robot-alpha", std::string(300 << 10, 'x'))) << "too long";
 }
 
 }  // namespace

@@ -1,10 +1,13 @@
+#include "jetstream_api.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/transport/nats_board.h>
 #include <mapweave/transport/nats_stream.h>
 
 #include <openssl/evp.h>
-#include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <cstdlib>
 #include <ctime>
 
 namespace mapweave::transport {
@@ -15,10 +18,6 @@ using Json = nlohmann::json;
 constexpr std::size_t kLongest = std::size_t{256} << 10;
 constexpr std::int64_t kMostBytes = std::int64_t{64} << 20;
 constexpr int kMissingMessage = 10037, kMissingStream = 10059, kNameInUse = 10058;
-
-int code_of(const Json& answer) {
-  return answer.contains("error") && answer["error"].is_object() ? answer["error"].value("err_code", 1) : 0;
-}
 
 std::string decoded(const std::string& base64, const std::string& where) {
   std::string bytes(base64.size() / 4 * 3, '\0');
@@ -51,31 +50,15 @@ std::string NatsBoard::subject_of(const std::string& stream, const std::string& 
   return "mw." + stream + "." + nats_token(name);
 }
 
-namespace {
-
-Json asked(NatsConnection& connection, const std::string& subject, const Json& request,
-           std::chrono::milliseconds patience) {
-  const auto answer = connection.request(subject, request.is_null() ? "" : request.dump(), patience);
-  const std::string server = connection.state().server;
-  if (!answer)
-    throw Error(ErrorCode::kMissing, "the broker does not answer '" + subject + "'", server,
-                "see whether the broker runs, and what this user may publish");
-  Json json = Json::parse(answer->bytes, nullptr, false);
-  if (!json.is_object()) throw Error(ErrorCode::kCorrupt, "the broker's answer is not JSON", server);
-  return json;
-}
-
-}  // namespace
-
 void NatsBoard::ensure(std::chrono::milliseconds patience) {
-  if (code_of(asked(*connection_, "$JS.API.STREAM.INFO." + stream_, {}, patience)) == 0) return;
+  if (error_code_of(ask_jetstream(*connection_, "$JS.API.STREAM.INFO." + stream_, {}, patience)) == 0) return;
   const Json wanted = {{"name", stream_},           {"subjects", {"mw." + stream_ + ".*"}},
                        {"retention", "limits"},     {"discard", "old"},
                        {"storage", "file"},         {"num_replicas", 1},
                        {"max_msgs_per_subject", 1}, {"max_msg_size", kLongest},
                        {"max_bytes", kMostBytes}};
-  const Json made = asked(*connection_, "$JS.API.STREAM.CREATE." + stream_, wanted, patience);
-  if (const int code = code_of(made); code != 0 && code != kNameInUse)
+  const Json made = ask_jetstream(*connection_, "$JS.API.STREAM.CREATE." + stream_, wanted, patience);
+  if (const int code = error_code_of(made); code != 0 && code != kNameInUse)
     throw Error(ErrorCode::kBadInput,
                 "the broker refuses stream '" + stream_ + "': " + made["error"].value("description", ""),
                 connection_->state().server, "see the broker's configuration");
@@ -87,9 +70,9 @@ bool NatsBoard::put(const std::string& name, std::string_view word) {
 
 std::optional<NatsBoard::Word> NatsBoard::last(const std::string& name, std::chrono::milliseconds patience) const {
   const std::string where = connection_->state().server;
-  const Json answer =
-      asked(*connection_, "$JS.API.STREAM.MSG.GET." + stream_, {{"last_by_subj", subject_of(stream_, name)}}, patience);
-  const int code = code_of(answer);
+  const Json answer = ask_jetstream(*connection_, "$JS.API.STREAM.MSG.GET." + stream_,
+                                    {{"last_by_subj", subject_of(stream_, name)}}, patience);
+  const int code = error_code_of(answer);
   if (code == kMissingMessage || code == kMissingStream) return std::nullopt;
   if (code != 0)
     throw Error(ErrorCode::kBadInput, "the broker refuses: " + answer["error"].value("description", ""), where);

@@ -1,7 +1,7 @@
+#include "jetstream_api.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/transport/nats_stream.h>
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 
@@ -22,13 +22,8 @@ std::string api_of(const std::string& domain, const std::string& what) {
   return (domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") + what;
 }
 
-int code_of(const Json& answer) {
-  if (!answer.is_object() || !answer.contains("error") || !answer["error"].is_object()) return 0;
-  return answer["error"].value("err_code", answer["error"].value("code", 1));
-}
-
 std::string words_of(const Json& answer) {
-  return answer["error"].value("description", "error " + std::to_string(code_of(answer)));
+  return answer["error"].value("description", "error " + std::to_string(error_code_of(answer)));
 }
 
 // What a broker's answer says; hostile as all that comes.
@@ -41,30 +36,13 @@ auto read(const Json& answer, const Use& use) -> std::optional<decltype(use(answ
   }
 }
 
-Json asked(NatsConnection& connection, const std::string& subject, const Json& request, milliseconds patience) {
-  const auto answer = connection.request(subject, request.is_null() ? "" : request.dump(), patience);
-  const std::string server = connection.state().server;
-  if (!answer)
-    throw Error(ErrorCode::kMissing, "the broker does not answer '" + subject + "'", server,
-                "see whether the broker runs, and what this user may publish and receive");
-  if (answer->status == 503)
-    throw Error(ErrorCode::kUnsupported,
-                "the broker has no JetStream, or none is connected that answers '" + subject + "'", server,
-                "start nats-server with -js, or with 'jetstream' in its configuration");
-  Json json = Json::parse(answer->bytes, nullptr, false);
-  if (!json.is_object())
-    throw Error(ErrorCode::kCorrupt, "the broker's answer to '" + subject + "' is not JSON", server,
-                "use nats-server 2.9 or newer");
-  return json;
-}
-
 [[noreturn]] void refused(NatsConnection& connection, const std::string& what, const Json& answer) {
   throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + words_of(answer), connection.state().server,
               "see the broker's configuration and what else uses these names");
 }
 
 std::optional<ConsumerState> consumer_state(const Json& answer) {
-  if (code_of(answer) != 0) return std::nullopt;
+  if (error_code_of(answer) != 0) return std::nullopt;
   return read(answer, [](const Json& json) {
     // Of a consumer that was made again the server says 0 until something is acknowledged.
     const std::uint64_t from = json.at("config").value("opt_start_seq", std::uint64_t{1});
@@ -81,7 +59,7 @@ Publication publication_of(const NatsMessage& answer) {
   using Outcome = Publication::Outcome;
   if (answer.status == 503) return {Outcome::no_stream, 0, false, "no stream keeps this subject"};
   const Json json = Json::parse(answer.bytes, nullptr, false);
-  if (const int code = code_of(json); code != 0) {
+  if (const int code = error_code_of(json); code != 0) {
     for (const int full : kFull)
       if (code == full) return {Outcome::full, 0, false, words_of(json)};
     return {code == kStreamMissing ? Outcome::no_stream : Outcome::refused, 0, false, words_of(json)};
@@ -113,10 +91,11 @@ bool NatsStream::ensure(milliseconds patience) {
                        {"max_bytes", options_.most_bytes},
                        {"duplicate_window", nanoseconds(options_.repetitions_s)}};
   const auto ask = [&](const std::string& what, const Json& request) {
-    return asked(*connection_, api_of(options_.domain, "STREAM." + what + "." + options_.name), request, patience);
+    return ask_jetstream(*connection_, api_of(options_.domain, "STREAM." + what + "." + options_.name), request,
+                         patience);
   };
   const Json known = ask("INFO", {});
-  if (code_of(known) == 0) {
+  if (error_code_of(known) == 0) {
     const bool is_as_wanted =
         read(known, [&](const Json& json) {
           const Json& config = json.at("config");
@@ -126,20 +105,21 @@ bool NatsStream::ensure(milliseconds patience) {
         }).value_or(false);
     if (is_as_wanted) return false;
     const Json updated = ask("UPDATE", wanted);
-    if (code_of(updated) != 0) refused(*connection_, "to change stream '" + options_.name + "'", updated);
+    if (error_code_of(updated) != 0) refused(*connection_, "to change stream '" + options_.name + "'", updated);
     return false;
   }
-  if (code_of(known) != kStreamMissing) refused(*connection_, "stream '" + options_.name + "'", known);
+  if (error_code_of(known) != kStreamMissing) refused(*connection_, "stream '" + options_.name + "'", known);
   const Json made = ask("CREATE", wanted);
-  if (code_of(made) == kNameInUse) return ensure(patience);  // another made it meanwhile
-  if (code_of(made) != 0) refused(*connection_, "to make stream '" + options_.name + "'", made);
+  if (error_code_of(made) == kNameInUse) return ensure(patience);  // another made it meanwhile
+  if (error_code_of(made) != 0) refused(*connection_, "to make stream '" + options_.name + "'", made);
   return true;
 }
 
 std::optional<StreamState> NatsStream::state(milliseconds patience) const {
-  const Json answer = asked(*connection_, api_of(options_.domain, "STREAM.INFO." + options_.name), {}, patience);
-  if (code_of(answer) == kStreamMissing) return std::nullopt;
-  if (code_of(answer) != 0) refused(*connection_, "stream '" + options_.name + "'", answer);
+  const Json answer =
+      ask_jetstream(*connection_, api_of(options_.domain, "STREAM.INFO." + options_.name), {}, patience);
+  if (error_code_of(answer) == kStreamMissing) return std::nullopt;
+  if (error_code_of(answer) != 0) refused(*connection_, "stream '" + options_.name + "'", answer);
   return read(answer, [](const Json& json) {
     const Json& state = json.at("state");
     return StreamState{state.at("messages"), state.at("bytes"), state.at("first_seq"), state.at("last_seq")};
@@ -186,8 +166,8 @@ Json consumer_request(const ConsumerOptions& options, std::uint64_t from) {
 }  // namespace
 
 bool NatsConsumer::ensure(milliseconds patience) {
-  const Json known = asked(*connection_, api("CONSUMER.INFO"), {}, patience);
-  if (code_of(known) == 0) {
+  const Json known = ask_jetstream(*connection_, api("CONSUMER.INFO"), {}, patience);
+  if (error_code_of(known) == 0) {
     const bool is_as_wanted = read(known, [&](const Json& json) {
                                 const Json& config = json.at("config");
                                 return config.at("filter_subject") == options_.subject &&
@@ -197,12 +177,13 @@ bool NatsConsumer::ensure(milliseconds patience) {
     if (!is_as_wanted) remake(consumer_state(known), patience);
     return false;
   }
-  if (code_of(known) == kStreamMissing)
+  if (error_code_of(known) == kStreamMissing)
     throw Error(ErrorCode::kMissing, "there is no stream '" + options_.stream + "'", connection_->state().server,
                 "its sender makes it; see whether that runs");
-  if (code_of(known) != kConsumerMissing) refused(*connection_, "consumer '" + options_.name + "'", known);
-  const Json made = asked(*connection_, api("CONSUMER.DURABLE.CREATE"), consumer_request(options_, 0), patience);
-  const int code = code_of(made);
+  if (error_code_of(known) != kConsumerMissing) refused(*connection_, "consumer '" + options_.name + "'", known);
+  const Json made =
+      ask_jetstream(*connection_, api("CONSUMER.DURABLE.CREATE"), consumer_request(options_, 0), patience);
+  const int code = error_code_of(made);
   if (code == kConsumerInUse || code == kConsumerExists || code == kDurableDiffers) return false;
   if (code != 0) refused(*connection_, "to make consumer '" + options_.name + "'", made);
   return true;
@@ -213,14 +194,14 @@ void NatsConsumer::restart(milliseconds patience) {
 }
 
 void NatsConsumer::remake(const std::optional<ConsumerState>& before, milliseconds patience) {
-  if (before) asked(*connection_, api("CONSUMER.DELETE"), {}, patience);
-  const Json made = asked(*connection_, api("CONSUMER.DURABLE.CREATE"),
-                          consumer_request(options_, before ? before->acknowledged + 1 : 0), patience);
-  if (code_of(made) != 0) refused(*connection_, "to make consumer '" + options_.name + "' again", made);
+  if (before) ask_jetstream(*connection_, api("CONSUMER.DELETE"), {}, patience);
+  const Json made = ask_jetstream(*connection_, api("CONSUMER.DURABLE.CREATE"),
+                                  consumer_request(options_, before ? before->acknowledged + 1 : 0), patience);
+  if (error_code_of(made) != 0) refused(*connection_, "to make consumer '" + options_.name + "' again", made);
 }
 
 std::optional<ConsumerState> NatsConsumer::state(milliseconds patience) const {
-  return consumer_state(asked(*connection_, api("CONSUMER.INFO"), {}, patience));
+  return consumer_state(ask_jetstream(*connection_, api("CONSUMER.INFO"), {}, patience));
 }
 
 bool NatsConsumer::pull(const std::string& inbox, int messages, double within_s) const {
