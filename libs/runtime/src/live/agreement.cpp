@@ -29,10 +29,6 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
     if (robot.part)
       refuse("robot '" + robot.robot().str() + "' has several edges; robots that are programs of their own have one",
              "robots", "give it `edge` in place of `edges`");
-    const std::string& sensor = configuration_of(configuration, robot).sensor;
-    if (sensor == "all")
-      refuse("robots that map with a laser and cameras at once are not run as programs of their own yet", "sensor",
-             "set sensor: laser, or cameras");
   }
 }
 
