@@ -34,8 +34,7 @@ struct Arguments {
   std::string name;
   WritingFlags flags;
   DemoArguments demo;
-  std::vector<std::string> hosts;  // of keys
-  int port = 4222;
+  KeysArguments keys;
 };
 
 // The one that is named, or the only one.
@@ -96,7 +95,7 @@ ExitCode serve_robot(const Arguments& arguments) {
   runtime::choose_sensors(own, deployment.loaded.configuration, pool);
   const runtime::PlannedRobot& planned = own.robots.front();
   if (planned.trouble && planned.trouble->code() == ErrorCode::kMissing) throw *planned.trouble;
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, planned.edge, kToConnect);
   runtime::LiveRobot robot(planned, deployment.loaded.configuration, deployment.live(),
                            wires.from_robot(name, planned.edge));
   const auto progress = make_terminal_progress();
@@ -139,7 +138,7 @@ ExitCode serve_edge(const Arguments& arguments) {
   const TierId name(chosen("edge", arguments.name, names));
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, name, kToConnect);
   const auto journal = journal_in(deployment.live(), name.str());
   {
     runtime::LiveEdge edge(name,
@@ -179,7 +178,7 @@ ExitCode serve_cloud(const Arguments& arguments) {
   const RunningSince since(deployment.live());
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
   {
@@ -289,12 +288,16 @@ Action set_up_serve(CLI::App& verb) {
   keys->add_option("-o,--out", arguments->flags.out, "folder for them; keys that it holds already stay as they are")
       ->required()
       ->type_name("DIR");
-  keys->add_option("--host", arguments->hosts,
+  keys->add_option("--host", arguments->keys.hosts,
                    "name or address of the broker's machine, as programs reach it; several may be given")
       ->required()
       ->type_name("HOST")
       ->allow_extra_args(false);
-  keys->add_option("--port", arguments->port, "where the broker listens")
+  keys->add_option("--port", arguments->keys.port, "where the broker listens")
+      ->check(whole_number(1, 65535))
+      ->type_name("N")
+      ->capture_default_str();
+  keys->add_option("--leaf-port", arguments->keys.leaf_port, "where it listens for edges' own brokers")
       ->check(whole_number(1, 65535))
       ->type_name("N")
       ->capture_default_str();
@@ -321,9 +324,10 @@ Action set_up_serve(CLI::App& verb) {
     if (robot->parsed()) return serve_robot(*arguments);
     if (edge->parsed()) return serve_edge(*arguments);
     if (cloud->parsed()) return serve_cloud(*arguments);
-    if (keys->parsed())
-      return make_keys(load_deployment(arguments->file, arguments->flags).plan,
-                       {arguments->hosts, arguments->port, arguments->flags.out});
+    if (keys->parsed()) {
+      arguments->keys.out = arguments->flags.out;
+      return make_keys(load_deployment(arguments->file, arguments->flags), arguments->keys);
+    }
     return serve_demo(arguments->demo);
   };
 }

@@ -45,8 +45,8 @@ class ServeKeys(serve_test.WithBroker):
     def make_keys(self, port, code=support.DONE):
         return self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", port, "--out", "keys", code=code)
 
-    def start_guarded_broker(self, port):
-        broker = subprocess.Popen([serve_test.BROKER, "-c", "broker.conf"], cwd=self.folder / "keys", stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    def start_guarded_broker(self, port, folder="keys"):
+        broker = subprocess.Popen([serve_test.BROKER, "-c", "broker.conf"], cwd=self.folder / folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.addCleanup(broker.wait)
         self.addCleanup(broker.kill)
         end = time.monotonic() + 20 * support.PATIENCE
@@ -98,6 +98,38 @@ class ServeKeys(serve_test.WithBroker):
             self.assertIn("Permissions Violation for Subscription", alpha.answer(f"SUB {subject} 1"), subject)
         self.assertIn("Authorization Violation", Broker(port, {**keys, "password": "wrong"}).answer())
 
+    def test_an_edge_with_its_own_broker_works_before_the_cloud_is_there(self):
+        self.mapweave("simulate", self.write("world.yaml", WORLD.replace("id: beta, edge: north", "id: beta, edge: south")), "--out", "logs")
+        self.mapweave("run", "logs/run.yaml", "--out", "run", code=(support.DONE, support.APART))
+        hub, leaf, leaves = (serve_test.free_port() for _ in range(3))
+        run = self.folder / "logs/run.yaml"
+        run.write_text(run.read_text() + f"edges: [{{id: north, broker: 'nats://127.0.0.1:{leaf}'}}, {{id: south}}]\n")
+        made = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", hub, "--leaf-port", leaves, "--out", "keys")
+        self.assertIn("6 users: ", made.stdout)
+        self.assertIn("broker of edge north: copy broker-of-north to 127.0.0.1", made.stdout)
+        talk = ["--set", f"live.broker=nats://127.0.0.1:{hub}", "--set", "live.speed=0"]
+
+        def start(role, name, *arguments):
+            return self.start("serve", role, "logs/run.yaml", *arguments, *talk, "--set", f"live.keys=keys/{name}.keys")
+
+        self.start_guarded_broker(leaf, "keys/broker-of-north")
+        edges = [start("edge", "edge-north", "--name", "north")]
+        self.end(start("robot", "robot-alpha", "--name", "alpha"))  # while neither the cloud nor its broker is there
+        self.start_guarded_broker(hub)
+        edges.append(start("edge", "edge-south", "--name", "south"))
+        robot = start("robot", "robot-beta", "--name", "beta")
+        cloud = start("cloud", "cloud", "--out", "live")
+        self.end(robot)
+        self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
+        for edge in edges:
+            self.end(edge)
+        self.assert_same_map("live", "run")
+        look = ["doctor", "logs/run.yaml", "--json", *talk[:2], "--set", "live.keys=keys/doctor.keys"]
+        found = json.loads(self.mapweave(*look).stdout)
+        self.assertTrue(found["is_healthy"], found)
+        self.assertEqual([program["program"] for program in found["deployment"]["programs"] if program["silent_seconds"] is None], [],
+                         "alpha had ended before the cloud's broker began")
+
     def test_keys_stay_where_robots_are_added_and_what_is_wrong_is_said(self):
         self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
         self.make_keys(4222)
@@ -112,6 +144,9 @@ class ServeKeys(serve_test.WithBroker):
                          {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud", "doctor"})
         done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "no host", "--out", "other", code=support.BAD_INPUT)
         self.assert_says(done, "'no host' is neither a host's name nor an IP address")
+        done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--out", "other", "--set", "edges=[{id: north, broker: here}, {id: south}]",
+                             code=support.BAD_INPUT)
+        self.assert_says(done, "the broker of edge 'north' has no address", "nats://10.0.0.2:4222")
         far = ["serve", "robot", "logs/run.yaml", "--name", "alpha", "--set", "live.broker=nats://192.0.2.1:4222"]
         self.assert_says(self.mapweave(*far, code=support.BAD_INPUT), "no keys", "serve keys", "live.unprotected")
         self.assert_says(self.mapweave(*far, "--set", "live.keys=nowhere.keys", code=support.BAD_INPUT), "nowhere.keys")

@@ -403,6 +403,12 @@ EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) 
   return entry;
 }
 
+LiveOptions live_at(const RunConfiguration& configuration, const TierId& edge) {
+  LiveOptions live = configuration.live;
+  if (const std::string broker = edge_entry(configuration, edge).broker; !broker.empty()) live.broker = broker;
+  return live;
+}
+
 RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) {
   for (RobotEntry& entry : configuration.robots) {
     entry.id = name_of(entry);

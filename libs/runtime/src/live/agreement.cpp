@@ -6,6 +6,7 @@ namespace mapweave::runtime {
 
 Hash agreement_of(RunConfiguration configuration) {
   for (RobotEntry& robot : configuration.robots) robot.log.clear();
+  for (EdgeEntry& edge : configuration.edges) edge.broker.clear();
   configuration.output = {};
   configuration.live = {};
   configuration.visual.vocabulary.clear();  // a path

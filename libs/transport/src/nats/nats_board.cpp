@@ -43,21 +43,23 @@ std::chrono::system_clock::time_point time_of(const std::string& text, const std
 
 }  // namespace
 
-NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream)
-    : connection_(std::move(connection)), stream_(std::move(stream)) {}
+NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, const std::string& domain)
+    : connection_(std::move(connection)),
+      stream_(std::move(stream)),
+      api_(domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") {}
 
 std::string NatsBoard::subject_of(const std::string& stream, const std::string& name) {
   return "mw." + stream + "." + nats_token(name);
 }
 
 void NatsBoard::ensure(std::chrono::milliseconds patience) {
-  if (error_code_of(ask_jetstream(*connection_, "$JS.API.STREAM.INFO." + stream_, {}, patience)) == 0) return;
+  if (error_code_of(ask_jetstream(*connection_, api_ + "STREAM.INFO." + stream_, {}, patience)) == 0) return;
   const Json wanted = {{"name", stream_},           {"subjects", {"mw." + stream_ + ".*"}},
                        {"retention", "limits"},     {"discard", "old"},
                        {"storage", "file"},         {"num_replicas", 1},
                        {"max_msgs_per_subject", 1}, {"max_msg_size", kLongest},
                        {"max_bytes", kMostBytes}};
-  const Json made = ask_jetstream(*connection_, "$JS.API.STREAM.CREATE." + stream_, wanted, patience);
+  const Json made = ask_jetstream(*connection_, api_ + "STREAM.CREATE." + stream_, wanted, patience);
   if (const int code = error_code_of(made); code != 0 && code != kNameInUse)
     throw Error(ErrorCode::kBadInput,
                 "the broker refuses stream '" + stream_ + "': " + made["error"].value("description", ""),
@@ -70,7 +72,7 @@ bool NatsBoard::put(const std::string& name, std::string_view word) {
 
 std::optional<NatsBoard::Word> NatsBoard::last(const std::string& name, std::chrono::milliseconds patience) const {
   const std::string where = connection_->state().server;
-  const Json answer = ask_jetstream(*connection_, "$JS.API.STREAM.MSG.GET." + stream_,
+  const Json answer = ask_jetstream(*connection_, api_ + "STREAM.MSG.GET." + stream_,
                                     {{"last_by_subj", subject_of(stream_, name)}}, patience);
   const int code = error_code_of(answer);
   if (code == kMissingMessage || code == kMissingStream) return std::nullopt;

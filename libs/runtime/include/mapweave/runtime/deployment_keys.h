@@ -6,6 +6,7 @@
 #include <mapweave/transport/broker.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,8 +23,9 @@ std::string encode(const ProgramKeys& keys);
 // Throws Error: what read_file() throws, and kBadInput for what is no such file.
 ProgramKeys read_program_keys(const std::filesystem::path& file);
 
-// "robot-alpha", "edge-north", "cloud", without passwords.
-std::vector<transport::BrokerUser> users_of(const RunPlan& plan);
+// "robot-alpha", "edge-north", "cloud", without passwords: of live.broker, or of the own broker of an edge.
+std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuration, const RunPlan& plan,
+                                            const std::optional<TierId>& at_broker_of = {});
 // What the subjects begin with on which a user receives answers, and nobody else.
 std::string inbox_of(const std::string& user);
 

@@ -9,8 +9,9 @@ namespace mapweave::transport {
 // All calls are thread-safe. Names: any text. Of each name the last word alone is kept, of at most 256 KiB.
 class NatsBoard {
  public:
-  // stream: letters, digits, '_', '-'.
-  NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream);
+  // stream: letters, digits, '_', '-'. domain: of the broker that keeps it; empty: the connected one. What is put goes
+  // to the connected one and to all brokers that are connected with it and have the stream.
+  NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, const std::string& domain = {});
   static std::string subject_of(const std::string& stream, const std::string& name);
 
   // Makes the stream where it is missing. Throws Error: kMissing where the broker does not answer, kBadInput where it
@@ -27,7 +28,7 @@ class NatsBoard {
 
  private:
   std::shared_ptr<NatsConnection> connection_;
-  std::string stream_;
+  std::string stream_, api_;
 };
 
 }  // namespace mapweave::transport
