@@ -25,6 +25,8 @@ const std::vector<Command> commands = {
      set_up_run},
     {"serve", "robots, edges and a cloud as programs of their own", "mapweave serve demo --out maps/demo",
      set_up_serve},
+    {"worker", "maps robots of runs on other machines (run --cluster)",
+     "mapweave worker --cluster nats://10.0.0.1:4222", set_up_worker},
     {"doctor", "is everything there, and who of a deployment waits for what", "mapweave doctor office.yaml",
      set_up_doctor},
     {"slam", "one robot's log -> that robot's map", "mapweave slam alpha.rawlog --out maps/alpha", set_up_slam},

@@ -62,7 +62,7 @@ class ServeKeys(serve_test.WithBroker):
         self.mapweave("run", "logs/run.yaml", "--out", "run", code=(support.DONE, support.APART))
         port = serve_test.free_port()
         made = self.make_keys(port)
-        self.assertIn("5 users", made.stdout)
+        self.assertIn("7 users", made.stdout)
         for path in (self.folder / "keys").iterdir():
             self.assertEqual(stat.S_IMODE(path.stat().st_mode) & 0o077, 0, f"{path.name} can be read by others")
         self.start_guarded_broker(port)
@@ -88,6 +88,13 @@ class ServeKeys(serve_test.WithBroker):
             self.assertTrue(program["status"]["tiers"][0]["is_done"], name)
             self.assertLess(abs(program["clock_offset_seconds"]), 1.0, name)
 
+        worker = self.start("worker", "--cluster", f"nats://127.0.0.1:{port}", "--keys", "keys/worker.keys")
+        self.mapweave("run", "logs/run.yaml", "--cluster", f"nats://127.0.0.1:{port}", "--set", "live.keys=keys/run.keys", "--out", "spread",
+                      code=(support.DONE, support.APART), seconds=120)
+        self.assert_same_map("spread", "run")
+        worker.terminate()
+        self.assertIn("2 robots mapped", self.end(worker)[1])
+
         keys = self.read_json("keys/robot-alpha.keys")
         alpha = Broker(port, keys)
         self.assertNotIn("Violation", alpha.answer("PUB mw.edge_north_up.0.alpha 1\r\nx"))
@@ -105,7 +112,7 @@ class ServeKeys(serve_test.WithBroker):
         run = self.folder / "logs/run.yaml"
         run.write_text(run.read_text() + f"edges: [{{id: north, broker: 'nats://127.0.0.1:{leaf}'}}, {{id: south}}]\n")
         made = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", hub, "--leaf-port", leaves, "--out", "keys")
-        self.assertIn("6 users: ", made.stdout)
+        self.assertIn("8 users: ", made.stdout)
         self.assertIn("broker of edge north: copy broker-of-north to 127.0.0.1", made.stdout)
         talk = ["--set", f"live.broker=nats://127.0.0.1:{hub}", "--set", "live.speed=0"]
 
@@ -136,12 +143,12 @@ class ServeKeys(serve_test.WithBroker):
         before = {path.name: path.read_bytes() for path in (self.folder / "keys").glob("*.keys")}
         run = self.folder / "logs/run.yaml"
         run.write_text(run.read_text() + '  - {id: "gamma", log: "alpha.rawlog", edge: "south"}\n')
-        self.assertIn("7 users, 5 of them known before", self.make_keys(4222).stdout)
+        self.assertIn("9 users, 7 of them known before", self.make_keys(4222).stdout)
         for name, content in before.items():
             self.assertEqual((self.folder / "keys" / name).read_bytes(), content)
         configuration = self.read_json("keys/broker.conf")
         self.assertEqual({user["user"] for user in configuration["authorization"]["users"]},
-                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud", "doctor"})
+                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud", "doctor", "worker", "run"})
         done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "no host", "--out", "other", code=support.BAD_INPUT)
         self.assert_says(done, "'no host' is neither a host's name nor an IP address")
         done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--out", "other", "--set", "edges=[{id: north, broker: here}, {id: south}]",

@@ -84,15 +84,15 @@ void allow(transport::BrokerUser& user, const std::string& wire, const std::stri
   }
 }
 
-constexpr char kBoard[] = "status";
+constexpr char kBoard[] = "status", kWorkers[] = "workers", kWork[] = "work";
 
 transport::BrokerUser new_user(const std::string& name) {
   const std::string inbox = inbox_of(name) + ".>";
   return {name, "", {"$JS.API.INFO", inbox, transport::NatsBoard::subject_of(kBoard, name)}, {inbox}};
 }
 
-void allow_board(transport::BrokerUser& user, std::initializer_list<const char*> what) {
-  for (const char* one : what) user.may_publish.push_back(std::string("$JS.API.STREAM.") + one + "." + kBoard);
+void allow_board(transport::BrokerUser& user, const char* board, std::initializer_list<const char*> what) {
+  for (const char* one : what) user.may_publish.push_back(std::string("$JS.API.STREAM.") + one + "." + board);
 }
 
 Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, transport::NatsChannelOptions options) {
@@ -124,17 +124,24 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
     transport::BrokerUser& user = users.emplace_back(new_user("edge-" + edge.str()));
     allow(user, of_edge(edge), "*", Side::accepts);
     allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens, domain.empty() ? "" : kHubDomain);
-    allow_board(user, {"INFO", "CREATE"});
+    allow_board(user, kBoard, {"INFO", "CREATE"});
   }
   for (const PlannedRobot& robot : plan.robots)
     if (is_here(robot.edge))
       allow(users.emplace_back(new_user("robot-" + robot.id.str())), of_edge(robot.edge),
             transport::nats_token(robot.id.str()), Side::opens);
   if (!at_broker_of) {
-    allow_board(cloud, {"INFO", "CREATE"});
+    allow_board(cloud, kBoard, {"INFO", "CREATE"});
     users.push_back(std::move(cloud));
+    // All workers are one user, who may map for all runs.
+    for (const auto& [name, side] : {std::make_pair("worker", Side::accepts), std::make_pair("run", Side::opens)}) {
+      transport::BrokerUser& user = users.emplace_back(new_user(name));
+      allow(user, kWork, "*", side);
+      allow_board(user, kWorkers, {"INFO", "CREATE", "MSG.GET"});
+      user.may_publish.push_back("mw." + std::string(kWorkers) + ".*");
+    }
   }
-  allow_board(doctor, {"INFO", "CREATE", "MSG.GET"});
+  allow_board(doctor, kBoard, {"INFO", "CREATE", "MSG.GET"});
   users.push_back(std::move(doctor));
   return users;
 }
@@ -187,6 +194,13 @@ std::string NatsWires::domain_at(const TierId& edge) const {
 }
 
 transport::NatsBoard NatsWires::board() const { return {connection_, kBoard}; }
+transport::NatsBoard NatsWires::board_of_workers() const { return {connection_, kWorkers}; }
+Connect NatsWires::to_worker(const std::string& worker) const {
+  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::opens, has_accounts_)));
+}
+Connect NatsWires::at_worker(const std::string& worker) const {
+  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::accepts, has_accounts_)));
+}
 std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) const {
   const std::string domain = domain_at(edge);
   if (domain.empty()) return std::nullopt;

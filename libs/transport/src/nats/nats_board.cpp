@@ -71,9 +71,29 @@ bool NatsBoard::put(const std::string& name, std::string_view word) {
 }
 
 std::optional<NatsBoard::Word> NatsBoard::last(const std::string& name, std::chrono::milliseconds patience) const {
+  return last_on(subject_of(stream_, name), patience);
+}
+
+std::vector<NatsBoard::Word> NatsBoard::words(std::chrono::milliseconds patience) const {
+  const Json answer = ask_jetstream(*connection_, api_ + "STREAM.INFO." + stream_,
+                                    {{"subjects_filter", "mw." + stream_ + ".*"}}, patience);
+  const int code = error_code_of(answer);
+  if (code == kMissingStream) return {};
+  if (code != 0 || !answer.contains("state") || !answer["state"].is_object())
+    throw Error(ErrorCode::kBadInput, "the broker does not say who is on '" + stream_ + "'",
+                connection_->state().server);
+  std::vector<Word> words;
+  const Json subjects = answer["state"].value("subjects", Json::object());
+  for (const auto& entry : subjects.items())
+    if (auto word = last_on(entry.key(), patience)) words.push_back(std::move(*word));
+  return words;
+}
+
+std::optional<NatsBoard::Word> NatsBoard::last_on(const std::string& subject,
+                                                  std::chrono::milliseconds patience) const {
   const std::string where = connection_->state().server;
-  const Json answer = ask_jetstream(*connection_, api_ + "STREAM.MSG.GET." + stream_,
-                                    {{"last_by_subj", subject_of(stream_, name)}}, patience);
+  const Json answer =
+      ask_jetstream(*connection_, api_ + "STREAM.MSG.GET." + stream_, {{"last_by_subj", subject}}, patience);
   const int code = error_code_of(answer);
   if (code == kMissingMessage || code == kMissingStream) return std::nullopt;
   if (code != 0)

@@ -44,6 +44,11 @@ class NatsWires {
   // Where every program of the deployment says how it is (program_status), under the name that its user has or would
   // have ("robot-alpha", "edge-north", "cloud"). Made by edges, the cloud, and who has no accounts.
   transport::NatsBoard board() const;
+  // Between a run and a worker; workers say on a board that they are there.
+  Connect to_worker(const std::string& worker) const;
+  Connect at_worker(const std::string& worker) const;
+  transport::NatsBoard board_of_workers() const;
+
   // As the own broker of an edge keeps it, for who is connected to live.broker; nullopt: the edge has none.
   std::optional<transport::NatsBoard> board_of(const TierId& edge) const;
 

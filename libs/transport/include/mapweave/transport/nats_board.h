@@ -4,6 +4,8 @@
 
 #include <mapweave/transport/nats_connection.h>
 
+#include <vector>
+
 namespace mapweave::transport {
 
 // All calls are thread-safe. Names: any text. Of each name the last word alone is kept, of at most 256 KiB.
@@ -25,8 +27,12 @@ class NatsBoard {
   };
   // nullopt: it never said anything. Throws Error as ensure, and kCorrupt for an answer that is none.
   std::optional<Word> last(const std::string& name, std::chrono::milliseconds patience) const;
+  // Of all that ever said something; none where the stream is missing. Throws as last().
+  std::vector<Word> words(std::chrono::milliseconds patience) const;
 
  private:
+  std::optional<Word> last_on(const std::string& subject, std::chrono::milliseconds patience) const;
+
   std::shared_ptr<NatsConnection> connection_;
   std::string stream_, api_;
 };
