@@ -73,9 +73,12 @@ UnpackedChunk unpack_lz4(std::string_view packed, std::size_t most_bytes) {
     std::size_t room = has_room ? chunk.bytes.size() - used : 1, some = packed.size() - taken;
     expected = ::LZ4F_decompress(stream.get(), has_room ? chunk.bytes.data() + used : &beyond, &room,
                                  packed.data() + taken, &some, nullptr);
-    if (LZ4F_isError(expected) != 0U) chunk.flaw = std::string("its LZ4 stream is damaged (") + ::LZ4F_getErrorName(expected) + ")";
-    else if (!has_room && room > 0) chunk.flaw = kTooLarge;
-    else if (room == 0 && some == 0 && expected != 0) chunk.flaw = kCutShort;
+    if (LZ4F_isError(expected) != 0U)
+      chunk.flaw = std::string("its LZ4 stream is damaged (") + ::LZ4F_getErrorName(expected) + ")";
+    else if (!has_room && room > 0)
+      chunk.flaw = kTooLarge;
+    else if (room == 0 && some == 0 && expected != 0)
+      chunk.flaw = kCutShort;
     if (has_room && LZ4F_isError(expected) == 0U) used += room;
     taken += some;
     if (!chunk.flaw.empty()) break;

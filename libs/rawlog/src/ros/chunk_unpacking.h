@@ -14,10 +14,12 @@ struct UnpackedChunk {
   std::string flaw;
 };
 
-// Unpacks a bzip2 stream of at most `most_bytes` once unpacked. Memory grows with what comes out, not with what a file claims.
+// Unpacks a bzip2 stream of at most `most_bytes` once unpacked. Memory grows with what comes out, not with what a file
+// claims.
 UnpackedChunk unpack_bz2(std::string_view packed, std::size_t most_bytes);
 
-// Unpacks frames of LZ4, which is also what ROS 1 writes as "lz4" (its roslz4 is the frame format with a block per chunk).
+// Unpacks frames of LZ4, which is also what ROS 1 writes as "lz4" (its roslz4 is the frame format with a block per
+// chunk).
 UnpackedChunk unpack_lz4(std::string_view packed, std::size_t most_bytes);
 
 }  // namespace mapweave::rawlog::ros
