@@ -12,7 +12,8 @@ enum class MessageEncoding { ros1, cdr };
 
 struct BagTopic {
   std::string name;
-  /** "sensor_msgs/LaserScan", in bags of both generations: ROS 2's "sensor_msgs/msg/LaserScan" stands here without "msg/". */
+  /** "sensor_msgs/LaserScan", in bags of both generations: ROS 2's "sensor_msgs/msg/LaserScan" stands here without
+   * "msg/". */
   std::string type;
   MessageEncoding encoding = MessageEncoding::ros1;
   /** Number of messages; 0 where the bag has no index. */
@@ -32,7 +33,8 @@ struct BagMessage {
 
 /** Reads the messages of a bag: one file, or several parts of one recording. For one thread.
  *
- * Messages come in the order in which they were received as well as the file allows it: chunk by chunk, not sorted over the whole file. */
+ * Messages come in the order in which they were received as well as the file allows it: chunk by chunk, not sorted over
+ * the whole file. */
 class BagReader {
  public:
   virtual ~BagReader() = default;
@@ -40,7 +42,8 @@ class BagReader {
   /** May grow while the bag is read, where it has no index. */
   [[nodiscard]] virtual const std::vector<BagTopic>& topics() const = 0;
 
-  /** Delivers only messages of these topics (indices into topics()) from now on. Others are skipped as cheaply as the format allows. */
+  /** Delivers only messages of these topics (indices into topics()) from now on. Others are skipped as cheaply as the
+   * format allows. */
   virtual void select(const std::vector<std::size_t>& topics) = 0;
 
   /** Reads the next message. False at the clean end of the bag.
