@@ -63,13 +63,13 @@ TEST_F(Mcap, compressed_or_not_it_holds_the_same) {
   }
 }
 
-TEST_F(Mcap, without_a_summary_topics_become_known_as_they_come) {
+TEST_F(Mcap, without_a_summary_topics_are_known_from_the_start_too) {
   const auto bag = open_mcap(recording("no_summary.mcap"));
-  EXPECT_TRUE(bag->topics().empty());
+  EXPECT_EQ(text_of(bag->topics()), kTopicsWithoutCounts);
   const auto reading = read_mcap(recording("no_summary.mcap"));
   EXPECT_EQ(reading.error, nullptr);
   EXPECT_THAT(reading.lines, ElementsAreArray(recorded_lines()));
-  EXPECT_EQ(text_of(reading.topics), kTopicsWithoutCounts);
+  EXPECT_EQ(read_mcap(recording("no_summary.mcap"), {1}).lines.size(), 3U);
 }
 
 TEST_F(Mcap, messages_of_ros_1_are_read_as_such) {
@@ -119,8 +119,10 @@ TEST_F(Mcap, what_holds_no_messages_of_ros_is_refused) {
   EXPECT_TRUE(reading.lines.empty());
   ASSERT_NE(reading.error, nullptr);  // checksums were left as they were: the summary is of no use, the data wrong
   const auto error = read_mcap(write_bytes(folder / "b.mcap", bytes.substr(0, records_of(bytes).back().begin))).error;
-  EXPECT_THAT(error,
-              IsError(ErrorCode::kUnsupported, "holds no messages of ROS (encodings ros1 and cdr), but /scan (abc)"));
+  EXPECT_THAT(
+      error,
+      IsError(ErrorCode::kUnsupported,
+              "holds no messages of ROS (encodings ros1 and cdr), but /scan (abc), /note (abc), /status (json)"));
 }
 
 TEST_F(Mcap, what_is_no_recording_is_refused) {
@@ -276,6 +278,12 @@ TEST_F(Mcap, a_bag_that_its_recorder_did_not_finish_is_read_with_a_warning) {
   EXPECT_THAT(::testing::internal::GetCapturedStderr(), HasSubstr("was not finished"));
   EXPECT_EQ(reading.error, nullptr);
   EXPECT_THAT(reading.lines, ElementsAreArray(recorded_lines()));
+}
+
+TEST_F(Mcap, records_of_more_than_may_be_held_are_damage) {
+  EXPECT_EQ(read_bag([] { return open_mcap(recording("zstd.mcap"), 2000); }).error, nullptr);
+  EXPECT_THAT(read_bag([] { return open_mcap(recording("zstd.mcap"), 100); }).error,
+              IsError(ErrorCode::kCorrupt, "at most 100 are read"));
 }
 
 }  // namespace

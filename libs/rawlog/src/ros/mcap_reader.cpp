@@ -1,10 +1,10 @@
 #include "mcap_reader.h"
 
+#include "chunk_unpacking.h"
 #include "mcap_records.h"
 #include "mcap_summary.h"
 #include "message_reader.h"
 #include "seekable_file.h"
-#include "unpacking.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -22,7 +22,7 @@ namespace mapweave::rawlog::ros {
 namespace {
 
 constexpr std::size_t kWindowBytes = std::size_t{1} << 20;
-constexpr const char* kCopyAgain = "copy the recording again, or record again";
+constexpr const char* kCopyAgain = "copy the recording again, or map what precedes this with --keep-going";
 
 std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
   return static_cast<std::uint32_t>(::crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
@@ -32,16 +32,17 @@ Error damage(const std::string& what) { return Error(ErrorCode::kCorrupt, what, 
 
 class McapReader final : public BagReader {
  public:
-  explicit McapReader(const std::filesystem::path& path) : file_(path) {
+  McapReader(const std::filesystem::path& path, std::uint64_t most_bytes) : file_(path), most_bytes_(most_bytes) {
     check_magic();
-    McapSummary summary = read_mcap_summary(file_);
+    McapSummary summary = read_mcap_summary(file_, most_bytes);
     channels_ = std::move(summary.channels);
     has_counts_ = summary.has_counts;
     by_index_ = !summary.chunks.empty();
     chunks_ = std::move(summary.chunks);
     data_end_ = summary.data_end;
     data_crc_ = by_index_ ? 0 : summary.data_crc;
-    if (by_index_) expect_ros_messages();
+    if (!summary.has_all_channels) find_topics();
+    expect_ros_messages();
   }
 
   const std::vector<BagTopic>& topics() const override { return channels_.topics(); }
@@ -111,15 +112,28 @@ class McapReader final : public BagReader {
                 "record with ROS, or convert it");
   }
 
+  // Reads the whole file once. What is wrong with it is said when it is read again.
+  void find_topics() {
+    selected_.emplace();
+    try {
+      while (advance()) {
+        if (std::exchange(pending_, nullptr)) break;
+      }
+    } catch (const Error&) {}
+    selected_.reset();
+    position_ = 0;
+    crc_so_far_ = 0;
+  }
+
   // `count` bytes of the file, valid until the next call. Throws where it ends before.
   std::string_view bytes_at(std::uint64_t offset, std::uint64_t count, const char* what) {
     const std::uint64_t left = file_.bytes() - std::min(offset, file_.bytes());
     if (count > left)
       throw damage(std::string("the file ends within ") + what + ": it should go on for " + std::to_string(count) +
                    " bytes, and " + std::to_string(left) + " are there");
-    if (count > kMostUnpackedBytes)
+    if (count > most_bytes_)
       throw damage(std::string(what) + " claims " + std::to_string(count) + " bytes; at most " +
-                   std::to_string(kMostUnpackedBytes) + " are read");
+                   std::to_string(most_bytes_) + " are read");
     if (offset < window_start_ || offset + count > window_start_ + window_bytes_) {
       window_bytes_ = 0;
       const auto wanted =
@@ -163,8 +177,10 @@ class McapReader final : public BagReader {
     if (position_ == 0) pass(bytes_at(0, kMcapMagic.size(), "its first bytes"));
     place_ = position_;
     if (position_ == file_.bytes()) {
-      log(LogLevel::warning, file_.path().string() +
-                                 ": the recording was not finished (it has no end mark); it is read as far as it goes");
+      if (began_)
+        log(LogLevel::warning,
+            file_.path().string() +
+                ": the recording was not finished (it has no end mark); it is read as far as it goes");
       return false;
     }
     const RecordHead head = parse_head(bytes_at(position_, kRecordHeadBytes, "a record").data());
@@ -248,25 +264,32 @@ class McapReader final : public BagReader {
   }
 
   std::string_view unpacked(const McapChunk& chunk) {
-    if (chunk.unpacked_bytes > kMostUnpackedBytes)
+    if (chunk.unpacked_bytes > most_bytes_)
       throw damage("a chunk claims " + std::to_string(chunk.unpacked_bytes) + " bytes unpacked; at most " +
-                   std::to_string(kMostUnpackedBytes) + " are read");
+                   std::to_string(most_bytes_) + " are read");
+    if (chunk.compression.empty()) {
+      expect_size(chunk.records, chunk);
+      return chunk.records;
+    }
     const auto most = static_cast<std::size_t>(chunk.unpacked_bytes);
-    std::string_view records = chunk.records;
     if (chunk.compression == "lz4")
-      unpack_lz4(chunk.records, most, unpacked_);
+      unpacked_ = unpack_lz4(chunk.records, most);
     else if (chunk.compression == "zstd")
-      unpack_zstd(chunk.records, most, unpacked_);
-    else if (!chunk.compression.empty())
+      unpacked_ = unpack_zstd(chunk.records, most);
+    else
       throw Error(ErrorCode::kUnsupported,
                   "a chunk is compressed by '" + std::string(chunk.compression.substr(0, 32)) +
                       "'; lz4, zstd and none are read",
                   {}, "compress it anew: mcap compress");
-    if (!chunk.compression.empty()) records = {unpacked_.data(), unpacked_.size()};
-    if (records.size() != most)
-      throw damage("a chunk holds " + std::to_string(records.size()) + " bytes; " + std::to_string(most) +
-                   " were expected");
-    return records;
+    if (!unpacked_.flaw.empty()) throw damage("a chunk cannot be unpacked: " + unpacked_.flaw);
+    expect_size(unpacked_.bytes, chunk);
+    return unpacked_.bytes;
+  }
+
+  static void expect_size(std::string_view records, const McapChunk& chunk) {
+    if (records.size() != chunk.unpacked_bytes)
+      throw damage("a chunk holds " + std::to_string(records.size()) + " bytes; " +
+                   std::to_string(chunk.unpacked_bytes) + " were expected");
   }
 
   void check_data_end() const {
@@ -291,6 +314,7 @@ class McapReader final : public BagReader {
   }
 
   SeekableFile file_;
+  std::uint64_t most_bytes_;
   McapChannels channels_;
   bool has_counts_ = false, began_ = false, ended_ = false;
   std::optional<std::vector<bool>> selected_;
@@ -300,7 +324,8 @@ class McapReader final : public BagReader {
   std::uint64_t position_ = 0, place_ = 0, delivered_ = 0;
   std::uint64_t data_end_ = 0;  // 0: not known
   std::uint32_t data_crc_ = 0, crc_so_far_ = 0;
-  std::vector<char> window_, unpacked_;
+  std::vector<char> window_;
+  UnpackedChunk unpacked_;
   std::uint64_t window_start_ = 0;
   std::size_t window_bytes_ = 0;
   std::vector<MessageInChunk> in_chunk_;  // of the chunk, or the one message
@@ -314,6 +339,8 @@ bool is_mcap(std::string_view start_of_file) {
   return start_of_file.substr(0, 5) == kMcapMagic.substr(0, 5) && start_of_file.substr(6, 2) == kMcapMagic.substr(6);
 }
 
-std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path) { return std::make_unique<McapReader>(path); }
+std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path, std::uint64_t most_bytes) {
+  return std::make_unique<McapReader>(path, most_bytes);
+}
 
 }  // namespace mapweave::rawlog::ros

@@ -1,7 +1,5 @@
 #include "mcap_summary.h"
 
-#include "unpacking.h"
-
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
 #include <zlib.h>
@@ -19,7 +17,7 @@ constexpr std::size_t kCrcBytes = 4;
 Error misfit(const std::string& what) { return Error(ErrorCode::kCorrupt, what); }
 
 std::string bytes_at(const SeekableFile& file, std::uint64_t offset, std::uint64_t count) {
-  if (count > kMostUnpackedBytes || count > file.bytes()) throw misfit("a record claims more than there is");
+  if (count > file.bytes()) throw misfit("a record claims more than there is");
   std::string bytes(static_cast<std::size_t>(count), '\0');
   if (!file.read_at(offset, bytes.data(), bytes.size())) throw misfit("a record claims more than there is");
   return bytes;
@@ -63,6 +61,9 @@ void parse_records(std::string_view records, McapSummary& summary) {
     }
   }
   summary.channels.set_counts(counts);
+  summary.has_all_channels = summary.has_counts && std::all_of(counts.begin(), counts.end(), [&](const auto& count) {
+                               return summary.channels.is_known(count.first);
+                             });
 }
 
 // Walks over the records up to DataEnd, whole chunks at a time: whether all chunks are where the index says, and no
@@ -91,13 +92,17 @@ bool covers_all_messages(const SeekableFile& file, McapSummary& summary) {
     position += chunk->second->index_bytes;
   }
   if (found != summary.chunks.size()) throw misfit("its chunks are not those of the file");
-  return std::all_of(summary.chunks.begin(), summary.chunks.end(), [&](const McapChunkIndex& chunk) {
-    return std::all_of(chunk.channels.begin(), chunk.channels.end(),
-                       [&](std::uint16_t channel) { return summary.channels.is_known(channel); });
-  });
+  const bool all_are_known =
+      std::all_of(summary.chunks.begin(), summary.chunks.end(), [&](const McapChunkIndex& chunk) {
+        return !chunk.channels.empty() &&
+               std::all_of(chunk.channels.begin(), chunk.channels.end(),
+                           [&](std::uint16_t channel) { return summary.channels.is_known(channel); });
+      });
+  summary.has_all_channels = summary.has_all_channels || all_are_known;
+  return summary.has_all_channels;
 }
 
-McapSummary read_sound_summary(const SeekableFile& file) {
+McapSummary read_sound_summary(const SeekableFile& file, std::uint64_t most_bytes) {
   McapSummary summary;
   const auto footer = read_footer(file);
   if (!footer) return summary;
@@ -106,6 +111,8 @@ McapSummary read_sound_summary(const SeekableFile& file) {
   if (start > footer_start) throw misfit("it would begin after the file's end");
   read_data_end(file, start, summary);
   if (footer->summary_start == 0) return summary;
+  if (file.bytes() - start > most_bytes)
+    throw misfit("it would be of " + std::to_string(file.bytes() - start) + " bytes");
   // The checksum is of the footer's beginning, too.
   const std::string bytes = bytes_at(file, start, file.bytes() - kMcapMagic.size() - kCrcBytes - start);
   if (footer->summary_crc != 0 &&
@@ -122,9 +129,9 @@ McapSummary read_sound_summary(const SeekableFile& file) {
 
 }  // namespace
 
-McapSummary read_mcap_summary(const SeekableFile& file) {
+McapSummary read_mcap_summary(const SeekableFile& file, std::uint64_t most_bytes) {
   try {
-    return read_sound_summary(file);
+    return read_sound_summary(file, most_bytes);
   } catch (const Error& error) {
     log(LogLevel::warning, file.path().string() + ": the summary at the end of the file is of no use: " +
                                error.problem() + "; the file is read without it");
