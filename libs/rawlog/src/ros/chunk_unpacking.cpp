@@ -92,6 +92,9 @@ UnpackedChunk unpack_zstd(std::string_view packed, std::size_t most_bytes) {
   UnpackedChunk chunk;
   const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> stream(::ZSTD_createDCtx(), ::ZSTD_freeDCtx);
   ZSTD_inBuffer input{packed.data(), packed.size(), 0};
+  // A small message needs no more room than its frame says.
+  if (const auto claimed = ::ZSTD_getFrameContentSize(packed.data(), packed.size()); claimed < kStep_bytes)
+    chunk.bytes.resize(std::min(most_bytes, static_cast<std::size_t>(claimed)));
   std::size_t used = 0, expected = 1;
   char beyond = 0;
   while (expected != 0 || input.pos < input.size) {
