@@ -222,7 +222,7 @@ TEST_F(Mcap, damage_at_random_places_ends_with_a_clear_error_or_the_end) {
   EXPECT_GT(failed, 300U);
 }
 
-TEST_F(Mcap, huge_lengths_ask_for_no_memory) {
+TEST_F(Mcap, huge_claims_ask_for_no_memory) {
   const TemporaryFolder folder;
   for (const char* name : {"none.mcap", "zstd.mcap", "unchunked.mcap", "no_summary.mcap"}) {
     const std::string bytes = bytes_of_recording(name);

@@ -34,6 +34,15 @@ struct Bz2Stream {
   ~Bz2Stream() { ::BZ2_bzDecompressEnd(&state); }
 };
 
+// Making one takes as long as unpacking a small message.
+ZSTD_DCtx& zstd_context() {
+  thread_local const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> context(::ZSTD_createDCtx(),
+                                                                                     ::ZSTD_freeDCtx);
+  if (!context) throw Error(ErrorCode::kInternal, "zstd cannot start");
+  ::ZSTD_DCtx_reset(context.get(), ZSTD_reset_session_only);
+  return *context;
+}
+
 }  // namespace
 
 UnpackedChunk unpack_bz2(std::string_view packed, std::size_t most_bytes) {
@@ -90,7 +99,7 @@ UnpackedChunk unpack_lz4(std::string_view packed, std::size_t most_bytes) {
 
 UnpackedChunk unpack_zstd(std::string_view packed, std::size_t most_bytes) {
   UnpackedChunk chunk;
-  const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> stream(::ZSTD_createDCtx(), ::ZSTD_freeDCtx);
+  ZSTD_DCtx& stream = zstd_context();
   ZSTD_inBuffer input{packed.data(), packed.size(), 0};
   // A small message needs no more room than its frame says.
   if (const auto claimed = ::ZSTD_getFrameContentSize(packed.data(), packed.size()); claimed < kStep_bytes)
@@ -101,7 +110,7 @@ UnpackedChunk unpack_zstd(std::string_view packed, std::size_t most_bytes) {
     const bool has_room = make_room(chunk.bytes, used, most_bytes);
     ZSTD_outBuffer output{has_room ? chunk.bytes.data() + used : &beyond, has_room ? chunk.bytes.size() - used : 1, 0};
     const std::size_t before = input.pos;
-    expected = ::ZSTD_decompressStream(stream.get(), &output, &input);
+    expected = ::ZSTD_decompressStream(&stream, &output, &input);
     if (ZSTD_isError(expected) != 0U)
       chunk.flaw = std::string("its zstd stream is damaged (") + ::ZSTD_getErrorName(expected) + ")";
     else if (!has_room && output.pos > 0)

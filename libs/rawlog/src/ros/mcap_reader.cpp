@@ -12,7 +12,6 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <array>
 #include <exception>
 #include <optional>
 #include <utility>
@@ -30,9 +29,71 @@ std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
 
 Error damage(const std::string& what) { return Error(ErrorCode::kCorrupt, what, {}, kCopyAgain); }
 
+// The file's bytes through one buffer.
+class FileWindow {
+ public:
+  FileWindow(const SeekableFile& file, std::uint64_t most_bytes) : file_(file), most_bytes_(most_bytes) {}
+  std::uint64_t most_bytes() const { return most_bytes_; }
+
+  // `count` bytes of the file, valid until the next call. Throws where it ends before.
+  std::string_view bytes_at(std::uint64_t offset, std::uint64_t count, const char* what) {
+    const std::uint64_t left = file_.bytes() - std::min(offset, file_.bytes());
+    if (count > left)
+      throw damage(std::string("the file ends within ") + what + ": it should go on for " + std::to_string(count) +
+                   " bytes, and " + std::to_string(left) + " are there");
+    if (count > most_bytes_)
+      throw damage(std::string(what) + " claims " + std::to_string(count) + " bytes; at most " +
+                   std::to_string(most_bytes_) + " are read");
+    if (offset < start_ || offset + count > start_ + held_) {
+      held_ = 0;
+      const auto wanted =
+          static_cast<std::size_t>(std::min<std::uint64_t>(left, std::max<std::uint64_t>(count, kWindowBytes)));
+      if (bytes_.size() < wanted) bytes_.resize(wanted);
+      if (!file_.read_at(offset, bytes_.data(), wanted)) throw damage("the file became shorter while it was read");
+      start_ = offset;
+      held_ = wanted;
+    }
+    return {bytes_.data() + (offset - start_), static_cast<std::size_t>(count)};
+  }
+
+ private:
+  const SeekableFile& file_;
+  std::uint64_t most_bytes_, start_ = 0;
+  std::size_t held_ = 0;
+  std::vector<char> bytes_;
+};
+
+// What a chunk holds, in it or in `unpacked`.
+std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, UnpackedChunk& unpacked) {
+  if (chunk.unpacked_bytes > most_bytes)
+    throw damage("a chunk claims " + std::to_string(chunk.unpacked_bytes) + " bytes unpacked; at most " +
+                 std::to_string(most_bytes) + " are read");
+  std::string_view records = chunk.records;
+  if (!chunk.compression.empty()) {
+    const auto most = static_cast<std::size_t>(chunk.unpacked_bytes);
+    if (chunk.compression == "lz4")
+      unpacked = unpack_lz4(chunk.records, most);
+    else if (chunk.compression == "zstd")
+      unpacked = unpack_zstd(chunk.records, most);
+    else
+      throw Error(ErrorCode::kUnsupported,
+                  "a chunk is compressed by '" + std::string(chunk.compression.substr(0, 32)) +
+                      "'; lz4, zstd and none are read",
+                  {}, "compress it anew: mcap compress");
+    if (!unpacked.flaw.empty()) throw damage("a chunk cannot be unpacked: " + unpacked.flaw);
+    records = unpacked.bytes;
+  }
+  if (records.size() != chunk.unpacked_bytes)
+    throw damage("a chunk holds " + std::to_string(records.size()) + " bytes; " + std::to_string(chunk.unpacked_bytes) +
+                 " were expected");
+  if (chunk.crc != 0 && crc_of(records) != chunk.crc)
+    throw damage("the checksum of a chunk is wrong: " + std::to_string(records.size()) + " bytes are lost");
+  return records;
+}
+
 class McapReader final : public BagReader {
  public:
-  McapReader(const std::filesystem::path& path, std::uint64_t most_bytes) : file_(path), most_bytes_(most_bytes) {
+  McapReader(const std::filesystem::path& path, std::uint64_t most_bytes) : file_(path), window_(file_, most_bytes) {
     check_magic();
     McapSummary summary = read_mcap_summary(file_, most_bytes);
     channels_ = std::move(summary.channels);
@@ -94,9 +155,8 @@ class McapReader final : public BagReader {
   };
 
   void check_magic() const {
-    std::array<char, kMcapMagic.size()> start{};
-    file_.read_at(0, start.data(), static_cast<std::size_t>(std::min<std::uint64_t>(start.size(), file_.bytes())));
-    const std::string_view found(start.data(), start.size());
+    std::string found(kMcapMagic.size(), '\0');
+    file_.read_at(0, found.data(), static_cast<std::size_t>(std::min<std::uint64_t>(found.size(), file_.bytes())));
     if (found == kMcapMagic) return;
     if (is_mcap(found))
       throw Error(ErrorCode::kUnsupported, "is of another version of MCAP; version 0 is read", file_.path().string(),
@@ -125,34 +185,13 @@ class McapReader final : public BagReader {
     crc_so_far_ = 0;
   }
 
-  // `count` bytes of the file, valid until the next call. Throws where it ends before.
-  std::string_view bytes_at(std::uint64_t offset, std::uint64_t count, const char* what) {
-    const std::uint64_t left = file_.bytes() - std::min(offset, file_.bytes());
-    if (count > left)
-      throw damage(std::string("the file ends within ") + what + ": it should go on for " + std::to_string(count) +
-                   " bytes, and " + std::to_string(left) + " are there");
-    if (count > most_bytes_)
-      throw damage(std::string(what) + " claims " + std::to_string(count) + " bytes; at most " +
-                   std::to_string(most_bytes_) + " are read");
-    if (offset < window_start_ || offset + count > window_start_ + window_bytes_) {
-      window_bytes_ = 0;
-      const auto wanted =
-          static_cast<std::size_t>(std::min<std::uint64_t>(left, std::max<std::uint64_t>(count, kWindowBytes)));
-      if (window_.size() < wanted) window_.resize(wanted);
-      if (!file_.read_at(offset, window_.data(), wanted)) throw damage("the file became shorter while it was read");
-      window_start_ = offset;
-      window_bytes_ = wanted;
-    }
-    return {window_.data() + (offset - window_start_), static_cast<std::size_t>(count)};
-  }
-
   bool advance_by_index() {
     throw_if_interrupted();
     while (next_chunk_ < chunks_.size() && !may_hold_selected(chunks_[next_chunk_])) pass_chunk();
     if (next_chunk_ == chunks_.size()) return false;
     const McapChunkIndex& chunk = chunks_[next_chunk_];
     place_ = chunk.offset;
-    take_chunk(bytes_at(chunk.offset, chunk.bytes, "a chunk").substr(kRecordHeadBytes));
+    take_chunk(window_.bytes_at(chunk.offset, chunk.bytes, "a chunk").substr(kRecordHeadBytes));
     pass_chunk();
     return true;
   }
@@ -174,7 +213,7 @@ class McapReader final : public BagReader {
 
   // The next record of the file; false at its end.
   bool advance() {
-    if (position_ == 0) pass(bytes_at(0, kMcapMagic.size(), "its first bytes"));
+    if (position_ == 0) pass(window_.bytes_at(0, kMcapMagic.size(), "its first bytes"));
     place_ = position_;
     if (position_ == file_.bytes()) {
       if (began_)
@@ -183,7 +222,7 @@ class McapReader final : public BagReader {
                 ": the recording was not finished (it has no end mark); it is read as far as it goes");
       return false;
     }
-    const RecordHead head = parse_head(bytes_at(position_, kRecordHeadBytes, "a record").data());
+    const RecordHead head = parse_head(window_.bytes_at(position_, kRecordHeadBytes, "a record").data());
     if (head.opcode == Opcode::kFooter || head.opcode == Opcode::kDataEnd) {
       check_data_end();
       return false;
@@ -197,8 +236,8 @@ class McapReader final : public BagReader {
       return true;
     }
     throw_if_interrupted();
-    if (head.bytes > file_.bytes()) bytes_at(position_, head.bytes, "a record");  // throws
-    const std::string_view record = bytes_at(position_, kRecordHeadBytes + head.bytes, "a record");
+    if (head.bytes > file_.bytes()) window_.bytes_at(position_, head.bytes, "a record");  // throws
+    const std::string_view record = window_.bytes_at(position_, kRecordHeadBytes + head.bytes, "a record");
     pass(record);
     take_record(head, record.substr(kRecordHeadBytes));
     return true;
@@ -211,7 +250,7 @@ class McapReader final : public BagReader {
                    std::to_string(left) + " are there");
     const std::uint64_t end = position_ + kRecordHeadBytes + head.bytes;
     while (data_crc_ != 0 && position_ < end)
-      pass(bytes_at(position_, std::min<std::uint64_t>(end - position_, kWindowBytes), "a record"));
+      pass(window_.bytes_at(position_, std::min<std::uint64_t>(end - position_, kWindowBytes), "a record"));
     position_ = end;
   }
 
@@ -238,9 +277,7 @@ class McapReader final : public BagReader {
 
   void take_chunk(std::string_view fields) {
     const McapChunk chunk = parse_chunk(fields);
-    std::string_view records = unpacked(chunk);
-    if (chunk.crc != 0 && crc_of(records) != chunk.crc)
-      throw damage("the checksum of a chunk is wrong: " + std::to_string(records.size()) + " bytes are lost");
+    std::string_view records = records_of(chunk, window_.most_bytes(), unpacked_);
     try {
       while (!records.empty()) {
         if (records.size() < kRecordHeadBytes) throw damage("a chunk ends within a record");
@@ -261,35 +298,6 @@ class McapReader final : public BagReader {
     const auto by_time = [](const MessageInChunk& a, const MessageInChunk& b) { return a.log_ns < b.log_ns; };
     if (!std::is_sorted(in_chunk_.begin(), in_chunk_.end(), by_time))
       std::stable_sort(in_chunk_.begin(), in_chunk_.end(), by_time);
-  }
-
-  std::string_view unpacked(const McapChunk& chunk) {
-    if (chunk.unpacked_bytes > most_bytes_)
-      throw damage("a chunk claims " + std::to_string(chunk.unpacked_bytes) + " bytes unpacked; at most " +
-                   std::to_string(most_bytes_) + " are read");
-    if (chunk.compression.empty()) {
-      expect_size(chunk.records, chunk);
-      return chunk.records;
-    }
-    const auto most = static_cast<std::size_t>(chunk.unpacked_bytes);
-    if (chunk.compression == "lz4")
-      unpacked_ = unpack_lz4(chunk.records, most);
-    else if (chunk.compression == "zstd")
-      unpacked_ = unpack_zstd(chunk.records, most);
-    else
-      throw Error(ErrorCode::kUnsupported,
-                  "a chunk is compressed by '" + std::string(chunk.compression.substr(0, 32)) +
-                      "'; lz4, zstd and none are read",
-                  {}, "compress it anew: mcap compress");
-    if (!unpacked_.flaw.empty()) throw damage("a chunk cannot be unpacked: " + unpacked_.flaw);
-    expect_size(unpacked_.bytes, chunk);
-    return unpacked_.bytes;
-  }
-
-  static void expect_size(std::string_view records, const McapChunk& chunk) {
-    if (records.size() != chunk.unpacked_bytes)
-      throw damage("a chunk holds " + std::to_string(records.size()) + " bytes; " +
-                   std::to_string(chunk.unpacked_bytes) + " were expected");
   }
 
   void check_data_end() const {
@@ -314,7 +322,7 @@ class McapReader final : public BagReader {
   }
 
   SeekableFile file_;
-  std::uint64_t most_bytes_;
+  FileWindow window_;
   McapChannels channels_;
   bool has_counts_ = false, began_ = false, ended_ = false;
   std::optional<std::vector<bool>> selected_;
@@ -324,10 +332,7 @@ class McapReader final : public BagReader {
   std::uint64_t position_ = 0, place_ = 0, delivered_ = 0;
   std::uint64_t data_end_ = 0;  // 0: not known
   std::uint32_t data_crc_ = 0, crc_so_far_ = 0;
-  std::vector<char> window_;
   UnpackedChunk unpacked_;
-  std::uint64_t window_start_ = 0;
-  std::size_t window_bytes_ = 0;
   std::vector<MessageInChunk> in_chunk_;  // of the chunk, or the one message
   std::size_t next_in_chunk_ = 0;
   std::exception_ptr pending_;  // damage after what is in in_chunk_
