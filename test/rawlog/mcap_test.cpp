@@ -1,6 +1,6 @@
 // MCAP recordings that the Python package mcap wrote, whole and damaged.
 
-#include "bags.h"
+#include "ros2_recordings.h"
 
 #include <mapweave/core/log.h>
 #include <ros/mcap_reader.h>

@@ -1,6 +1,6 @@
 // Recordings of rosbag2 that the Python package rosbags wrote (and one as early ROS 2 did), whole and damaged.
 
-#include "bags.h"
+#include "ros2_recordings.h"
 
 #include <mapweave/core/log.h>
 #include <ros/rosbag2_storage.h>

@@ -3,6 +3,8 @@
 #include "byte_source.h"
 #include "camera_folder.h"
 #include "ordered_stream.h"
+#include "ros/bag_formats.h"
+#include "ros/ros1_bag.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/rawlog/contents.h>
@@ -31,6 +33,7 @@ const std::vector<Format>& formats() {
       {"MRPT rawlog", {".rawlog"}, is_rawlog, open_rawlog},
       {"g2o", {".g2o"}, is_g2o, open_g2o},
       {"CARMEN log", {".log", ".clf"}, is_carmen, open_carmen},
+      {"ROS 1 bag", {".bag"}, ros::is_ros1_bag, ros::open_ros1_log},
   };
   return all;
 }
