@@ -76,6 +76,7 @@ TEST_F(Rosbag2, a_file_of_it_is_read_alone) {
     EXPECT_EQ(reading.error, nullptr) << name << ": " << reading.error->what();
     EXPECT_THAT(reading.lines, ElementsAreArray(recorded_lines())) << name;
     EXPECT_EQ(read_db3(path, {0}).lines.size(), 6U) << name;
+    EXPECT_TRUE(is_db3(bytes_of(path)));
     EXPECT_EQ(open_db3(path)->place_name(7), path.string() + " at message 7");
   }
   EXPECT_EQ(read_db3(own_data("ros2/split/split_1.db3")).lines.size(), 5U);

@@ -169,6 +169,11 @@ class Rosbag2Folder final : public BagReader {
 
 }  // namespace
 
+bool is_db3(std::string_view start_of_file) {
+  constexpr std::string_view kMark{"SQLite format 3\0", 16};
+  return start_of_file.substr(0, kMark.size()) == kMark;
+}
+
 std::unique_ptr<BagReader> open_db3(const fs::path& path, std::uint64_t most_bytes) {
   return open_db3_as(path, path, most_bytes);
 }

@@ -7,8 +7,12 @@
 
 #include <filesystem>
 #include <memory>
+#include <string_view>
 
 namespace mapweave::rawlog::ros {
+
+// By content: an SQLite file, of whatever program.
+bool is_db3(std::string_view start_of_file);
 
 // One .db3 file. Messages come in the order in which they were received. A file that its recorder did not finish is
 // read with the -wal file beside it, in a folder that may be written.
