@@ -4,6 +4,7 @@
 
 #include <bzlib.h>
 #include <lz4frame.h>
+#include <zstd.h>
 
 #include <algorithm>
 #include <memory>
@@ -32,6 +33,15 @@ struct Bz2Stream {
   Bz2Stream& operator=(const Bz2Stream&) = delete;
   ~Bz2Stream() { ::BZ2_bzDecompressEnd(&state); }
 };
+
+// Making one takes as long as unpacking a small message.
+ZSTD_DCtx& zstd_context() {
+  thread_local const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> context(::ZSTD_createDCtx(),
+                                                                                     ::ZSTD_freeDCtx);
+  if (!context) throw Error(ErrorCode::kInternal, "zstd cannot start");
+  ::ZSTD_DCtx_reset(context.get(), ZSTD_reset_session_only);
+  return *context;
+}
 
 }  // namespace
 
@@ -81,6 +91,33 @@ UnpackedChunk unpack_lz4(std::string_view packed, std::size_t most_bytes) {
       chunk.flaw = kCutShort;
     if (has_room && LZ4F_isError(expected) == 0U) used += room;
     taken += some;
+    if (!chunk.flaw.empty()) break;
+  }
+  chunk.bytes.resize(used);
+  return chunk;
+}
+
+UnpackedChunk unpack_zstd(std::string_view packed, std::size_t most_bytes) {
+  UnpackedChunk chunk;
+  ZSTD_DCtx& stream = zstd_context();
+  ZSTD_inBuffer input{packed.data(), packed.size(), 0};
+  // A small message needs no more room than its frame says.
+  if (const auto claimed = ::ZSTD_getFrameContentSize(packed.data(), packed.size()); claimed < kStep_bytes)
+    chunk.bytes.resize(std::min(most_bytes, static_cast<std::size_t>(claimed)));
+  std::size_t used = 0, expected = 1;
+  char beyond = 0;
+  while (expected != 0 || input.pos < input.size) {
+    const bool has_room = make_room(chunk.bytes, used, most_bytes);
+    ZSTD_outBuffer output{has_room ? chunk.bytes.data() + used : &beyond, has_room ? chunk.bytes.size() - used : 1, 0};
+    const std::size_t before = input.pos;
+    expected = ::ZSTD_decompressStream(&stream, &output, &input);
+    if (ZSTD_isError(expected) != 0U)
+      chunk.flaw = std::string("its zstd stream is damaged (") + ::ZSTD_getErrorName(expected) + ")";
+    else if (!has_room && output.pos > 0)
+      chunk.flaw = kTooLarge;
+    else if (output.pos == 0 && input.pos == before && expected != 0)
+      chunk.flaw = kCutShort;
+    if (has_room && ZSTD_isError(expected) == 0U) used += output.pos;
     if (!chunk.flaw.empty()) break;
   }
   chunk.bytes.resize(used);

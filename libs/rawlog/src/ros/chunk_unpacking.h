@@ -22,4 +22,7 @@ UnpackedChunk unpack_bz2(std::string_view packed, std::size_t most_bytes);
 // chunk).
 UnpackedChunk unpack_lz4(std::string_view packed, std::size_t most_bytes);
 
+// Unpacks frames of zstd.
+UnpackedChunk unpack_zstd(std::string_view packed, std::size_t most_bytes);
+
 }  // namespace mapweave::rawlog::ros

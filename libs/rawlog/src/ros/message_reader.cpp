@@ -1,7 +1,5 @@
 #include "message_reader.h"
 
-#include <mapweave/core/error.h>
-
 #include <string>
 
 namespace mapweave::rawlog::ros {
@@ -13,8 +11,8 @@ constexpr const char* kRecordAgain = "record again, or leave this topic out";
 
 }  // namespace
 
-MessageReader::MessageReader(const std::byte* data, std::size_t size, MessageEncoding encoding)
-    : data_(data), size_(size), encoding_(encoding) {
+MessageReader::MessageReader(const std::byte* data, std::size_t size, MessageEncoding encoding, const char* what)
+    : data_(data), size_(size), encoding_(encoding), what_(what) {
   if (encoding == MessageEncoding::ros1) return;
   if (size < kEncapsulationBytes)
     throw Error(ErrorCode::kCorrupt,
@@ -78,9 +76,13 @@ void MessageReader::fail_early(std::size_t length, std::size_t size) const {
       length == 1 ? std::to_string(size) + " bytes are"
                   : std::to_string(length) + " elements of " + std::to_string(size) + " bytes or more are";
   throw Error(ErrorCode::kCorrupt,
-              "the message ends early: " + wanted + " expected at byte " + std::to_string(position_) + " of it, and " +
-                  std::to_string(left()) + " bytes are left",
+              std::string("the ") + what_ + " ends early: " + wanted + " expected at byte " +
+                  std::to_string(position_) + " of it, and " + std::to_string(left()) + " bytes are left",
               {}, kRecordAgain);
+}
+
+Error placed(const Error& error, const std::string& where) {
+  return Error(error.code(), error.problem(), where, error.remedy());
 }
 
 }  // namespace mapweave::rawlog::ros

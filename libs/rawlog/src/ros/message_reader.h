@@ -5,10 +5,13 @@
 
 #include "bag_reader.h"
 
+#include <mapweave/core/error.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
@@ -21,12 +24,13 @@ struct MessageHeader {
 };
 
 // Nothing is read, and no memory is asked for, beyond the message's bytes: Error kCorrupt says at which byte of the
-// message what was expected; the caller adds where the message is. The bytes must outlive the reader and what
-// string() and bytes() answer.
+// message what was expected; the caller adds where the message is (placed()). The bytes must outlive the reader and
+// what string() and bytes() answer. Records of bags are written as ROS 1's messages are.
 class MessageReader {
  public:
   // Throws Error: kCorrupt for CDR without its first four bytes, kUnsupported for other forms of CDR.
-  MessageReader(const std::byte* data, std::size_t size, MessageEncoding encoding);
+  // `what` it is that is read: for errors.
+  MessageReader(const std::byte* data, std::size_t size, MessageEncoding encoding, const char* what = "message");
   MessageReader(const std::vector<std::byte>& data, MessageEncoding encoding)
       : MessageReader(data.data(), data.size(), encoding) {}
 
@@ -130,7 +134,11 @@ class MessageReader {
   const std::byte* data_;
   std::size_t size_, position_ = 0, start_ = 0;  // start_: from where alignment counts
   MessageEncoding encoding_;
+  const char* what_;
   bool swapped_ = false;  // the numbers' bytes, against this processor's order (little-endian)
 };
+
+// The same error with the place that it lacks.
+Error placed(const Error& error, const std::string& where);
 
 }  // namespace mapweave::rawlog::ros
