@@ -52,7 +52,7 @@ TEST_P(Ros1Bag, gives_what_precedes_the_place_where_it_was_cut) {
 TEST_P(Ros1Bag, ends_without_an_error_where_its_recorder_crashed) {
   const TemporaryFolder folder;
   const std::string whole = bag_bytes(small_drive(), {GetParam(), 4, false});
-  const auto reading = read_all(write_bytes(folder / "a.bag", whole.substr(0, whole.size() * 2 / 3)));
+  const auto reading = read_all(write_bytes(folder / "a.bag", whole.substr(0, 4109 + (whole.size() - 4109) * 2 / 3)));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_GT(reading.records.size(), 5U);
   EXPECT_LT(reading.records.size(), 20U);
@@ -119,7 +119,7 @@ TEST(Ros1BagFile, of_a_killed_recorder_is_read_into_its_last_chunk) {
   const TemporaryFolder folder;
   using namespace bag_form;
   for (const char* compression : {"none", "lz4"}) {
-    const auto entries = small_drive();
+    const auto entries = small_drive(1000);
     std::string plain;
     for (std::size_t i = 0; i < entries.size(); ++i) {
       const auto id = static_cast<std::uint32_t>(entries[i].topic == "/scan" ? 0 : entries[i].topic == "/odom" ? 1 : 2);
@@ -137,9 +137,7 @@ TEST(Ros1BagFile, of_a_killed_recorder_is_read_into_its_last_chunk) {
     last.resize(last.size() - 20);
     const auto reading = read_all(write_bytes(folder / "a.bag", bag_header(0, 0, 0) + unfinished + last));
     ASSERT_FALSE(reading.error) << compression << reading.error->what();
-    if (std::string(compression) == "none") {
-      EXPECT_EQ(reading.records.size(), 19U);
-    }
+    EXPECT_GT(reading.records.size(), std::string(compression) == "none" ? 1998U : 500U) << compression;
   }
 }
 

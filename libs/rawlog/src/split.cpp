@@ -3,6 +3,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/geometry.h>
+#include <mapweave/rawlog/contents.h>
 #include <mapweave/rawlog/rawlog_writer.h>
 #include <mapweave/rawlog/split.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
@@ -157,7 +158,7 @@ std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::fi
                                  const SplitOptions& options, Progress& progress) {
   check(options);
   std::error_code problem;
-  if (std::filesystem::is_directory(log, problem)) return split_folder(log, out_folder, options, progress);
+  if (is_picture_folder(log)) return split_folder(log, out_folder, options, progress);
   const auto cuts = cuts_of(options, [&] { return range_of(log, options, progress); });
   const auto stream = open_log(log, options.reading);
   make_folder(out_folder);

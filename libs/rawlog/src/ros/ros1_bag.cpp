@@ -1,13 +1,13 @@
 #include "ros1_bag.h"
 
 #include "../byte_source.h"
+#include "../say_once.h"
 #include "chunk_unpacking.h"
 #include "ros1_records.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/interrupt.h>
-#include <mapweave/core/log.h>
 
 #include <algorithm>
 #include <fstream>
@@ -204,10 +204,9 @@ class Ros1Bag final : public BagReader {
                    place);
       return false;
     }
-    if (!said_unclosed_ && !is_looking_)
-      log(LogLevel::warning, file_.source().place(place) +
-                                 ": the bag was not closed, as after a crash of the recorder; it is read up to here");
-    said_unclosed_ = true;
+    if (!is_looking_)
+      say_once(file_.source().place(place) +
+               ": the bag was not closed, as after a crash of the recorder; it is read up to here");
     return false;
   }
 
@@ -370,7 +369,7 @@ class Ros1Bag final : public BagReader {
     file_.source().rewind();
     rest_ = {};
     chunk_flaw_.clear();
-    ended_ = is_last_ = was_cut_ = is_looking_ = said_unclosed_ = has_message_ = false;
+    ended_ = is_last_ = was_cut_ = is_looking_ = has_message_ = false;
     read_start();
   }
 
@@ -380,7 +379,7 @@ class Ros1Bag final : public BagReader {
   std::map<std::uint32_t, Connection> connections_;
   std::vector<bool> selected_;
   bool selects_ = false, ended_ = false, is_last_ = false, was_cut_ = false, is_looking_ = false;
-  bool said_unclosed_ = false, has_message_ = false;
+  bool has_message_ = false;
   std::string chunk_, packed_, chunk_flaw_;
   std::string_view rest_;  // of chunk_
 };
