@@ -4,6 +4,7 @@
 #include "configuration.h"
 #include "misplaced_input.h"
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/options.h>
 #include <mapweave/rawlog/split.h>
@@ -109,14 +110,14 @@ Action set_up_split(CLI::App& verb) {
   verb.add_option("LOG", arguments->log,
                   "MRPT rawlog, ROS bag, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
-  CLI::Option_group* parts = verb.add_option_group("parts");
-  parts->add_option("--robots", arguments->options.robots, "how many logs to make, cut by time")
-      ->check(whole_number(1, 1000))
-      ->type_name("N");
+  CLI::Option* robots =
+      verb.add_option("--robots", arguments->options.robots, "how many logs to make, cut by time; or --by-namespace")
+          ->check(whole_number(1, 1000))
+          ->type_name("N");
   CLI::Option* by_namespace =
-      parts->add_flag("--by-namespace", arguments->by_namespace,
-                      "a log for each robot of a ROS bag, by the namespaces of their topics; nothing is cut");
-  parts->require_option(1);
+      verb.add_flag("--by-namespace", arguments->by_namespace,
+                    "a log for each robot of a ROS bag, by the namespaces of their topics; nothing is cut")
+          ->excludes(robots);
   verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
       ->check(number(0.0))
       ->excludes(by_namespace)
@@ -127,7 +128,11 @@ Action set_up_split(CLI::App& verb) {
       ->type_name("T")
       ->allow_extra_args(false);
   add_writing_flags(verb, arguments->flags);
-  return [arguments] {
+  return [arguments, robots] {
+    if (robots->count() == 0 && !arguments->by_namespace)
+      throw Error(
+          ErrorCode::kUsage, "neither --robots nor --by-namespace says what to make", "split",
+          "cut by time with --robots N; of a ROS bag of several robots, make a log of each with --by-namespace");
     expect_log(arguments->log, "split");
     return split(*arguments);
   };

@@ -2,6 +2,8 @@
 
 #include "bags.h"
 
+#include <support/pose_matchers.h>
+
 #include <chrono>
 #include <random>
 
@@ -151,6 +153,23 @@ TEST(Ros1BagFile, in_gz_is_read) {
   const auto reading = read_all(folder / "a.bag.gz");
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(reading.records.size(), 20U);
+}
+
+// Written by PyPI's rosbags 0.11.9, and by Debian's python3-rosbag 1.15.15: the same drive.
+TEST(Ros1BagFile, of_other_programs_is_read) {
+  for (const char* name : {"rosbags_lz4.bag", "rosbag_lz4.bag", "rosbag_bz2.bag"}) {
+    const auto reading = read_all(test::own_data(name));
+    ASSERT_FALSE(reading.error) << reading.error->what();
+    ASSERT_EQ(kinds(reading.records), "osososososososososos") << name;
+    EXPECT_THAT(odometry_of(reading.records[18]), test::IsNear(Pose2(0.9, 0.0, 0.09), 1e-9, 1e-9));
+    const auto& scan = scan_of(reading.records[19]);
+    EXPECT_DOUBLE_EQ(reading.records[19].stamp.seconds(), 100.9);
+    ASSERT_EQ(scan.getScanSize(), 41U);
+    EXPECT_FLOAT_EQ(scan.getScanRange(40), 11.0f);
+    EXPECT_FALSE(scan.getScanRangeValidity(3));
+    EXPECT_NEAR(scan.sensorPose.x(), 0.2, 1e-9);
+    EXPECT_NEAR(ray_angle(scan, 0), M_PI / 2 - 1.0, 1e-6);
+  }
 }
 
 TEST(Ros1BagFile, with_a_damaged_index_is_read) {

@@ -64,10 +64,13 @@ class RecordFile {
     return read_u32(bytes);
   }
 
+  bool is_beyond_end(std::uint64_t length) const {
+    return !source_.packed() && length > source_.file_bytes() - std::min(source_.position(), source_.file_bytes());
+  }
+
   // Lengths are compared with what is left of the file before memory is made.
   void expect_length(std::uint64_t length) const {
-    if (!source_.packed() && length > source_.file_bytes() - std::min(source_.position(), source_.file_bytes()))
-      cut_short();
+    if (is_beyond_end(length)) cut_short();
     if (length > most_bytes_)
       fail("a record has " + std::to_string(length) + " bytes; at most " + std::to_string(most_bytes_) +
                " were expected (reading.max_object_mb)",
@@ -222,10 +225,13 @@ class Ros1Bag final : public BagReader {
     // one.
     const bool is_unfinished = length == 0 && size == 0 && index_position_ == 0;
     if (is_unfinished && is_plain) return;
-    if (is_unfinished)
-      file_.take_rest(packed_);
+    std::string& bytes = is_plain ? chunk_ : packed_;
+    is_last_ = is_unfinished || file_.is_beyond_end(length);
+    was_cut_ = is_last_ && !is_unfinished;
+    if (is_last_)
+      file_.take_rest(bytes);
     else
-      file_.take_data(length, is_plain ? chunk_ : packed_);
+      file_.take_data(length, bytes);
     if (!is_plain) {
       if (fields.compression != "bz2" && fields.compression != "lz4")
         throw Error(
@@ -237,9 +243,8 @@ class Ros1Bag final : public BagReader {
       chunk_ = std::move(unpacked.bytes);
       chunk_flaw_ = std::move(unpacked.flaw);
     }
-    if (!is_unfinished && chunk_flaw_.empty() && chunk_.size() != size)
+    if (!is_last_ && chunk_flaw_.empty() && chunk_.size() != size)
       chunk_flaw_ = "it has " + std::to_string(chunk_.size()) + " bytes, not " + std::to_string(size) + " as it says";
-    is_last_ = is_unfinished;
     rest_ = chunk_;
     if (rest_.empty()) end_chunk();
   }
@@ -365,7 +370,9 @@ class Ros1Bag final : public BagReader {
     BagMessage unused;
     try {
       while (next(unused)) {}
-    } catch (const Error&) {}
+    } catch (const Error&) {
+      if (topics_.empty()) throw;
+    }
     file_.source().rewind();
     rest_ = {};
     chunk_flaw_.clear();
