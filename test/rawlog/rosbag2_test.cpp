@@ -55,7 +55,7 @@ class Rosbag2 : public ::testing::Test {
 };
 
 TEST_F(Rosbag2, every_kind_of_folder_holds_the_same) {
-  for (const char* name : {"plain", "as_mcap", "file_zstd", "message_zstd", "split"}) {
+  for (const char* name : {"plain", "as_mcap", "file_zstd", "message_zstd", "message_zstd_mcap", "split"}) {
     const auto folder = own_data(std::string("ros2/") + name);
     EXPECT_TRUE(is_rosbag2_folder(folder)) << name;
     EXPECT_EQ(text_of(open_rosbag2_folder(folder)->topics()), kTopics) << name;

@@ -119,6 +119,7 @@ def main():
     rosbag2_folder("as_mcap", StoragePlugin.MCAP)
     rosbag2_folder("file_zstd", mode=CompressionMode.FILE, version=8)
     rosbag2_folder("message_zstd", mode=CompressionMode.MESSAGE)
+    rosbag2_folder("message_zstd_mcap", StoragePlugin.MCAP, CompressionMode.MESSAGE)
     split_folder()
     mcap("none.mcap", CompressionType.NONE, messages(), extras=True)
     mcap("lz4.mcap", CompressionType.LZ4, messages())

@@ -1,6 +1,5 @@
 #include "db3_reader.h"
 
-#include "chunk_unpacking.h"
 #include "mcap_records.h"
 #include "message_reader.h"
 #include "zstd_file.h"
@@ -145,17 +144,7 @@ class Db3Reader final : public BagReader {
     message.topic = *topic->second;
     message.received_ns = rows_->integer(2);
     message.place = static_cast<std::uint64_t>(row_);
-    std::string_view data = rows_->bytes(3);
-    UnpackedChunk unpacked;
-    if (is_zstd(data)) {  // no message in CDR begins so
-      unpacked = unpack_zstd(data, static_cast<std::size_t>(most_bytes_));
-      if (!unpacked.flaw.empty())
-        throw Error(ErrorCode::kCorrupt, "the message cannot be unpacked: " + unpacked.flaw, {},
-                    "copy the recording again, or map what precedes this with --keep-going");
-      data = unpacked.bytes;
-    }
-    const auto* bytes = reinterpret_cast<const std::byte*>(data.data());
-    message.data.assign(bytes, bytes + data.size());
+    unpack_message(rows_->bytes(3), most_bytes_, message.data);
     return true;
   }
 

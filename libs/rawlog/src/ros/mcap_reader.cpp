@@ -5,6 +5,7 @@
 #include "mcap_summary.h"
 #include "message_reader.h"
 #include "seekable_file.h"
+#include "zstd_file.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -128,17 +129,20 @@ class McapReader final : public BagReader {
           return false;
         }
       }
+      const MessageInChunk& found = in_chunk_[next_in_chunk_++];
+      message.topic = found.topic;
+      message.received_ns = found.log_ns;
+      message.place = place_;
+      const auto* data = reinterpret_cast<const std::byte*>(found.data.data());
+      if (channels_.topics()[found.topic].encoding == MessageEncoding::cdr)
+        unpack_message(found.data, window_.most_bytes(), message.data);
+      else
+        message.data.assign(data, data + found.data.size());
     } catch (const Error& error) {
       ended_ = true;
       if (!error.where().empty()) throw;
       throw placed(error, file_.place(place_));
     }
-    const MessageInChunk& found = in_chunk_[next_in_chunk_++];
-    message.topic = found.topic;
-    message.received_ns = found.log_ns;
-    message.place = place_;
-    const auto* data = reinterpret_cast<const std::byte*>(found.data.data());
-    message.data.assign(data, data + found.data.size());
     ++delivered_;
     return true;
   }

@@ -15,7 +15,7 @@ namespace mapweave::rawlog::ros {
 bool is_db3(std::string_view start_of_file);
 
 // One .db3 file. Messages come in the order in which they were received. A file that its recorder did not finish is
-// read with the -wal file beside it, in a folder that may be written.
+// read with the -wal file beside it, in a folder that may be written: SQLite leaves an -shm file there.
 // Throws Error: kMissing, kBadInput (a folder, empty, another program's), kCorrupt (no SQLite, cut short, damaged),
 // kUnsupported (no ROS messages).
 std::unique_ptr<BagReader> open_db3(const std::filesystem::path& path, std::uint64_t most_bytes = kMostRecordBytes);

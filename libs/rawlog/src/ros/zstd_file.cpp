@@ -1,5 +1,6 @@
 #include "zstd_file.h"
 
+#include "chunk_unpacking.h"
 #include "seekable_file.h"
 
 #include <mapweave/core/error.h>
@@ -21,7 +22,18 @@ Error damage(const std::string& what, const std::string& where) {
 
 }  // namespace
 
-bool is_zstd(std::string_view bytes) { return bytes.substr(0, 4) == "\x28\xb5\x2f\xfd"; }
+void unpack_message(std::string_view data, std::uint64_t most_bytes, std::vector<std::byte>& to) {
+  UnpackedChunk unpacked;
+  if (data.substr(0, 4) == "\x28\xb5\x2f\xfd") {
+    unpacked = unpack_zstd(data, static_cast<std::size_t>(most_bytes));
+    if (!unpacked.flaw.empty())
+      throw Error(ErrorCode::kCorrupt, "the message cannot be unpacked: " + unpacked.flaw, {},
+                  "copy the recording again, or map what precedes this with --keep-going");
+    data = unpacked.bytes;
+  }
+  const auto* bytes = reinterpret_cast<const std::byte*>(data.data());
+  to.assign(bytes, bytes + data.size());
+}
 
 void unpack_zstd_file(const std::filesystem::path& from, const std::filesystem::path& to) {
   const SeekableFile file(from);
