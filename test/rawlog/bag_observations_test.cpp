@@ -146,10 +146,10 @@ TEST_F(BagObservations, a_missing_transform_is_named) {
   ReadOptions without;
   without.use_tf = false;
   without.laser_x_m = 0.3;
-  const auto told =
+  const auto given =
       read({bag_odometry(1.0, 0, 0, 0), bag_transforms(1.0, {{"base_link", "camera", {}}}), bag_scan(1.5)}, without);
-  ASSERT_FALSE(told.error) << told.error->what();
-  EXPECT_NEAR(scan_of(told.records.at(1)).sensorPose.x(), 0.3, 1e-9);
+  ASSERT_FALSE(given.error) << given.error->what();
+  EXPECT_NEAR(scan_of(given.records.at(1)).sensorPose.x(), 0.3, 1e-9);
 }
 
 TEST_F(BagObservations, without_transforms_the_laser_stands_at_the_origin_and_that_is_said) {
@@ -183,7 +183,7 @@ TEST_F(BagObservations, stamps_of_zero_become_the_times_of_receipt) {
   EXPECT_THAT(seconds(reading.records), ElementsAre(DoubleNear(7.5, 1e-6), DoubleNear(7.5, 1e-6)));
 }
 
-TEST_F(BagObservations, two_lasers_on_one_topic_are_told_apart) {
+TEST_F(BagObservations, two_lasers_on_one_topic_get_two_labels) {
   ScanFields rear;
   rear.frame = "rear";
   const auto reading = read({bag_scan(1.0), bag_scan(1.0, {1, 2}, rear), bag_scan(1.1)});

@@ -457,7 +457,7 @@ std::string name_of_file(const std::filesystem::path& path) {
     }
   };
   cut_one_of({".gz", ".zip"});
-  cut_one_of({".rawlog", ".clf", ".log", ".g2o", ".mwdb", ".mwj", ".yaml", ".yml"});
+  cut_one_of({".rawlog", ".bag", ".mcap", ".db3", ".clf", ".log", ".g2o", ".mwdb", ".mwj", ".yaml", ".yml"});
   return made_valid(std::move(name));
 }
 

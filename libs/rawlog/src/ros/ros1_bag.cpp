@@ -4,14 +4,13 @@
 #include "../say_once.h"
 #include "chunk_unpacking.h"
 #include "ros1_records.h"
+#include "ros1_topics.h"
 
 #include <mapweave/core/error.h>
-#include <mapweave/core/files.h>
 #include <mapweave/core/interrupt.h>
 
 #include <algorithm>
 #include <fstream>
-#include <map>
 #include <utility>
 
 namespace mapweave::rawlog::ros {
@@ -20,11 +19,6 @@ namespace {
 constexpr std::string_view kMagic = "#ROSBAG V", kVersion = "#ROSBAG V2.0\n";
 constexpr std::uint32_t kMostHeaderBytes = 1 << 20;
 constexpr const char* kRemedy = "copy the bag again, or map what precedes this with --keep-going";
-
-struct Connection {
-  std::string topic, type;
-  std::size_t index = 0;  // of the topic
-};
 
 // The end of the file within a record.
 struct CutShort {
@@ -124,11 +118,11 @@ class Ros1Bag final : public BagReader {
     if (!read_index()) find_topics();
   }
 
-  const std::vector<BagTopic>& topics() const override { return topics_; }
+  const std::vector<BagTopic>& topics() const override { return topics_.topics(); }
 
   void select(const std::vector<std::size_t>& topics) override {
     selects_ = true;
-    selected_.assign(topics_.size(), false);
+    selected_.assign(topics_.topics().size(), false);
     for (const std::size_t topic : topics) selected_.at(topic) = true;
   }
 
@@ -285,40 +279,24 @@ class Ros1Bag final : public BagReader {
   }
 
   void add(const Ros1Record& record) {
-    const auto described = parse_ros1_fields(record.data);
-    if (!described || !record.fields.connection || record.fields.topic.empty() || described->type.empty())
-      file_.fail("a connection cannot be decoded", file_.place());
-    const Connection found{std::string(record.fields.topic), std::string(described->type), 0};
-    const auto known = connections_.find(*record.fields.connection);
-    if (known != connections_.end()) {
-      if (known->second.topic != found.topic || known->second.type != found.type)
-        file_.fail("connection " + std::to_string(*record.fields.connection) + " is '" + found.topic + "' of type " +
-                       found.type + " here and '" + known->second.topic + "' of type " + known->second.type +
-                       " elsewhere",
-                   file_.place());
-      return;
+    try {
+      topics_.add(record);
+    } catch (const Error& error) {
+      file_.fail(error.problem(), file_.place());
     }
-    auto topic = std::find_if(topics_.begin(), topics_.end(),
-                              [&](const BagTopic& one) { return one.name == found.topic && one.type == found.type; });
-    if (topic == topics_.end()) {
-      topic = topics_.insert(topic, {found.topic, found.type, MessageEncoding::ros1, 0});
-      if (selects_) selected_.push_back(false);
-    }
-    connections_[*record.fields.connection] = {found.topic, found.type,
-                                               static_cast<std::size_t>(topic - topics_.begin())};
   }
 
   bool accept(const Ros1Record& record, BagMessage& message) {
     if (!record.fields.connection || !record.fields.time_ns)
       file_.fail("a message without connection or time", file_.place());
-    const auto connection = connections_.find(*record.fields.connection);
-    if (connection == connections_.end())
+    const auto topic = topics_.topic_of(*record.fields.connection);
+    if (!topic)
       file_.fail("a message of connection " + std::to_string(*record.fields.connection) + ", which no record describes",
                  file_.place());
-    const std::size_t topic = connection->second.index;
-    if (is_looking_) ++topics_[topic].messages;
-    if (is_looking_ || (selects_ && !selected_[topic])) return false;
-    message.topic = topic;
+    if (is_looking_) topics_.count_message(*topic);
+    const bool is_selected = !selects_ || (*topic < selected_.size() && selected_[*topic]);
+    if (is_looking_ || !is_selected) return false;
+    message.topic = *topic;
     message.received_ns = *record.fields.time_ns;
     const auto* bytes = reinterpret_cast<const std::byte*>(record.data.data());
     message.data.assign(bytes, bytes + record.data.size());
@@ -336,32 +314,7 @@ class Ros1Bag final : public BagReader {
     std::ifstream file(file_.source().path(), std::ios::binary);
     file.seekg(static_cast<std::streamoff>(index_position_));
     if (!file.read(index.data(), static_cast<std::streamsize>(index.size()))) return false;
-    bool is_sound = true;
-    try {
-      std::string_view rest = index;
-      while (is_sound && !rest.empty()) {
-        const auto record = take_ros1_record(rest);
-        is_sound = record && record->fields.op;
-        if (!is_sound) break;
-        if (*record->fields.op == static_cast<std::uint8_t>(Ros1Op::connection))
-          add(*record);
-        else
-          is_sound = *record->fields.op == static_cast<std::uint8_t>(Ros1Op::chunk_info) && add_counts(record->data);
-      }
-    } catch (const Error&) {
-      is_sound = false;
-    }
-    if (!is_sound) connections_.clear(), topics_.clear();
-    return is_sound;
-  }
-
-  bool add_counts(std::string_view data) {
-    for (; data.size() >= 8; data.remove_prefix(8)) {
-      const auto connection = connections_.find(read_u32(data.data()));
-      if (connection == connections_.end()) return false;
-      topics_[connection->second.index].messages += read_u32(data.data() + 4);
-    }
-    return data.empty();
+    return topics_.add_index(index);
   }
 
   // Reads everything to learn the topics; damage is reported when reading comes to it again.
@@ -371,7 +324,7 @@ class Ros1Bag final : public BagReader {
     try {
       while (next(unused)) {}
     } catch (const Error&) {
-      if (topics_.empty()) throw;
+      if (topics_.topics().empty()) throw;
     }
     file_.source().rewind();
     rest_ = {};
@@ -382,8 +335,7 @@ class Ros1Bag final : public BagReader {
 
   RecordFile file_;
   std::uint64_t index_position_ = 0;
-  std::vector<BagTopic> topics_;
-  std::map<std::uint32_t, Connection> connections_;
+  Ros1Topics topics_;
   std::vector<bool> selected_;
   bool selects_ = false, ended_ = false, is_last_ = false, was_cut_ = false, is_looking_ = false;
   bool has_message_ = false;
