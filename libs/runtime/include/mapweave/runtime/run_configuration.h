@@ -115,7 +115,7 @@ struct VisualOptions {
 };
 
 struct EdgeEntry {
-  std::string id, broker;
+  std::string id, broker = {};
   double speed = 1.0, from_s = 0.0, until_s = 0.0;
   int capacity = 0;
   template <class Visitor>
