@@ -166,6 +166,24 @@ TEST_F(Mcap, cut_at_any_byte_it_gives_what_was_whole) {
   }
 }
 
+TEST_F(Mcap, of_a_chunk_that_was_cut_short_what_is_whole_is_read) {
+  const TemporaryFolder folder;
+  for (const char* name : {"none.mcap", "no_summary.mcap", "lz4.mcap"}) {
+    const std::string bytes = bytes_of_recording(name);
+    for (const PlacedMcapRecord& record : records_of(bytes)) {
+      if (record.opcode != Opcode::kChunk) continue;
+      const auto before = read_mcap(write_bytes(folder / "before.mcap", bytes.substr(0, record.begin)));
+      const auto cut = read_mcap(write_bytes(folder / "cut.mcap", bytes.substr(0, record.end - 1)));
+      const auto whole = read_mcap(write_bytes(folder / "whole.mcap", bytes.substr(0, record.end)));
+      EXPECT_THAT(cut.error, IsError(ErrorCode::kCorrupt, "the file ends within a record")) << name;
+      EXPECT_GE(cut.lines.size(), before.lines.size()) << name;
+      if (std::string(name) == "no_summary.mcap") {
+        EXPECT_EQ(cut.lines.size() + 1, whole.lines.size()) << "all but the last message";
+      }
+    }
+  }
+}
+
 TEST_F(Mcap, a_flipped_bit_in_a_chunk_is_found_by_its_checksum) {
   const TemporaryFolder folder;
   for (const char* name : {"none.mcap", "lz4.mcap", "zstd.mcap", "unchunked.mcap"}) {

@@ -64,7 +64,7 @@ class FileWindow {
   std::vector<char> bytes_;
 };
 
-// What a chunk holds, in it or in `unpacked`.
+// What a chunk holds, in it or in `unpacked`; of one that is cut its beginning.
 std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, UnpackedChunk& unpacked) {
   if (chunk.unpacked_bytes > most_bytes)
     throw damage("a chunk claims " + std::to_string(chunk.unpacked_bytes) + " bytes unpacked; at most " +
@@ -81,9 +81,10 @@ std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, Un
                   "a chunk is compressed by '" + std::string(chunk.compression.substr(0, 32)) +
                       "'; lz4, zstd and none are read",
                   {}, "compress it anew: mcap compress");
-    if (!unpacked.flaw.empty()) throw damage("a chunk cannot be unpacked: " + unpacked.flaw);
+    if (!unpacked.flaw.empty() && !chunk.is_cut) throw damage("a chunk cannot be unpacked: " + unpacked.flaw);
     records = unpacked.bytes;
   }
+  if (chunk.is_cut) return records;
   if (records.size() != chunk.unpacked_bytes)
     throw damage("a chunk holds " + std::to_string(records.size()) + " bytes; " + std::to_string(chunk.unpacked_bytes) +
                  " were expected");
@@ -92,10 +93,27 @@ std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, Un
   return records;
 }
 
+void check_magic(const SeekableFile& file) {
+  std::string found(kMcapMagic.size(), '\0');
+  file.read_at(0, found.data(), static_cast<std::size_t>(std::min<std::uint64_t>(found.size(), file.bytes())));
+  if (found == kMcapMagic) return;
+  if (is_mcap(found))
+    throw Error(ErrorCode::kUnsupported, "is of another version of MCAP; version 0 is read", file.path().string(),
+                "convert it with the program that wrote it");
+  throw Error(ErrorCode::kBadInput, "is no MCAP recording: it does not begin as one", file.path().string(),
+              "check the path; where it was one, copy it again");
+}
+
+void expect_ros_messages(const McapChannels& channels, const SeekableFile& file) {
+  if (!channels.topics().empty() || channels.left_out().empty()) return;
+  throw Error(ErrorCode::kUnsupported, "holds no messages of ROS (encodings ros1 and cdr), but " + channels.left_out(),
+              file.path().string(), "record with ROS, or convert it");
+}
+
 class McapReader final : public BagReader {
  public:
   McapReader(const std::filesystem::path& path, std::uint64_t most_bytes) : file_(path), window_(file_, most_bytes) {
-    check_magic();
+    check_magic(file_);
     McapSummary summary = read_mcap_summary(file_, most_bytes);
     channels_ = std::move(summary.channels);
     has_counts_ = summary.has_counts;
@@ -104,7 +122,7 @@ class McapReader final : public BagReader {
     data_end_ = summary.data_end;
     data_crc_ = by_index_ ? 0 : summary.data_crc;
     if (!summary.has_all_channels) find_topics();
-    expect_ros_messages();
+    expect_ros_messages(channels_, file_);
   }
 
   const std::vector<BagTopic>& topics() const override { return channels_.topics(); }
@@ -158,24 +176,6 @@ class McapReader final : public BagReader {
     std::string_view data;  // in window_ or unpacked_
   };
 
-  void check_magic() const {
-    std::string found(kMcapMagic.size(), '\0');
-    file_.read_at(0, found.data(), static_cast<std::size_t>(std::min<std::uint64_t>(found.size(), file_.bytes())));
-    if (found == kMcapMagic) return;
-    if (is_mcap(found))
-      throw Error(ErrorCode::kUnsupported, "is of another version of MCAP; version 0 is read", file_.path().string(),
-                  "convert it with the program that wrote it");
-    throw Error(ErrorCode::kBadInput, "is no MCAP recording: it does not begin as one", file_.path().string(),
-                "check the path; where it was one, copy it again");
-  }
-
-  void expect_ros_messages() const {
-    if (!channels_.topics().empty() || channels_.left_out().empty()) return;
-    throw Error(ErrorCode::kUnsupported,
-                "holds no messages of ROS (encodings ros1 and cdr), but " + channels_.left_out(), file_.path().string(),
-                "record with ROS, or convert it");
-  }
-
   // Reads the whole file once. What is wrong with it is said when it is read again.
   void find_topics() {
     selected_.emplace();
@@ -195,7 +195,7 @@ class McapReader final : public BagReader {
     if (next_chunk_ == chunks_.size()) return false;
     const McapChunkIndex& chunk = chunks_[next_chunk_];
     place_ = chunk.offset;
-    take_chunk(window_.bytes_at(chunk.offset, chunk.bytes, "a chunk").substr(kRecordHeadBytes));
+    take_chunk(parse_chunk(window_.bytes_at(chunk.offset, chunk.bytes, "a chunk").substr(kRecordHeadBytes)));
     pass_chunk();
     return true;
   }
@@ -240,11 +240,26 @@ class McapReader final : public BagReader {
       return true;
     }
     throw_if_interrupted();
-    if (head.bytes > file_.bytes()) window_.bytes_at(position_, head.bytes, "a record");  // throws
+    if (const std::uint64_t left = file_.bytes() - position_ - kRecordHeadBytes; head.bytes > left) {
+      take_end(head, left);
+      return true;
+    }
     const std::string_view record = window_.bytes_at(position_, kRecordHeadBytes + head.bytes, "a record");
     pass(record);
     take_record(head, record.substr(kRecordHeadBytes));
     return true;
+  }
+
+  // The file ends within a record. Of a chunk, what is whole in it is delivered before that is said.
+  void take_end(const RecordHead& head, std::uint64_t left) {
+    try {
+      if (head.opcode == Opcode::kChunk)
+        take_chunk(parse_cut_chunk(window_.bytes_at(position_ + kRecordHeadBytes, left, "a chunk")));
+    } catch (const Error&) {  // of what is said here
+    }
+    pending_ = std::make_exception_ptr(damage("the file ends within a record: it should go on for " +
+                                              std::to_string(head.bytes) + " bytes, and " + std::to_string(left) +
+                                              " are there"));
   }
 
   void skip_record(const RecordHead& head) {
@@ -268,7 +283,7 @@ class McapReader final : public BagReader {
       case Opcode::kSchema: channels_.add_schema(fields); break;
       case Opcode::kChannel: channels_.add_channel(fields); break;
       case Opcode::kMessage: take_message(fields); break;
-      case Opcode::kChunk: take_chunk(fields); break;
+      case Opcode::kChunk: take_chunk(parse_chunk(fields)); break;
       default: break;
     }
   }
@@ -279,8 +294,7 @@ class McapReader final : public BagReader {
     if (topic && is_selected(*topic)) in_chunk_.push_back({*topic, message.log_ns, message.data});
   }
 
-  void take_chunk(std::string_view fields) {
-    const McapChunk chunk = parse_chunk(fields);
+  void take_chunk(const McapChunk& chunk) {
     std::string_view records = records_of(chunk, window_.most_bytes(), unpacked_);
     try {
       while (!records.empty()) {
@@ -312,7 +326,7 @@ class McapReader final : public BagReader {
   }
 
   void report_end() const {
-    expect_ros_messages();
+    expect_ros_messages(channels_, file_);
     if (!channels_.left_out().empty())
       log(LogLevel::warning,
           file_.path().string() + ": topics that hold no messages of ROS were left out: " + channels_.left_out());

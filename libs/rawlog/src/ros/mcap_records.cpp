@@ -15,15 +15,6 @@ MessageReader fields_of(std::string_view record) {
   return {reinterpret_cast<const std::byte*>(record.data()), record.size(), MessageEncoding::ros1, "record"};
 }
 
-std::string_view take(MessageReader& reader, std::string_view fields, std::uint64_t bytes) {
-  if (bytes > reader.left())
-    throw Error(
-        ErrorCode::kCorrupt,
-        "a record claims " + std::to_string(bytes) + " bytes of which " + std::to_string(reader.left()) + " are there",
-        {}, kCopyAgain);
-  return fields.substr(reader.position(), static_cast<std::size_t>(bytes));
-}
-
 }  // namespace
 
 RecordHead parse_head(const char* nine_bytes) {
@@ -47,6 +38,15 @@ McapMessage parse_message(std::string_view fields) {
 }
 
 McapChunk parse_chunk(std::string_view fields) {
+  const McapChunk chunk = parse_cut_chunk(fields);
+  if (chunk.is_cut)
+    throw Error(ErrorCode::kCorrupt,
+                "a chunk claims more bytes than the " + std::to_string(chunk.records.size()) + " that are there", {},
+                kCopyAgain);
+  return chunk;
+}
+
+McapChunk parse_cut_chunk(std::string_view fields) {
   MessageReader reader = fields_of(fields);
   McapChunk chunk{};
   reader.skip<std::uint64_t>(2);  // times of the first and last message
@@ -54,7 +54,8 @@ McapChunk parse_chunk(std::string_view fields) {
   chunk.crc = reader.read<std::uint32_t>();
   chunk.compression = reader.string();
   const auto bytes = reader.read<std::uint64_t>();
-  chunk.records = take(reader, fields, bytes);
+  chunk.is_cut = bytes > reader.left();
+  chunk.records = fields.substr(reader.position(), static_cast<std::size_t>(bytes));
   return chunk;
 }
 

@@ -43,6 +43,7 @@ struct McapChunk {
   std::uint64_t unpacked_bytes;
   std::uint32_t crc;  // of the unpacked records; 0: not known
   std::string_view compression, records;
+  bool is_cut = false;  // the file ends within the records
 };
 struct McapChunkIndex {
   std::uint64_t start_ns, offset, bytes;  // of the first message; of the whole record
@@ -58,6 +59,7 @@ constexpr std::size_t kFooterBytes = 20;
 // Of the fields of a record. Throw Error kCorrupt without a place.
 McapMessage parse_message(std::string_view fields);
 McapChunk parse_chunk(std::string_view fields);
+McapChunk parse_cut_chunk(std::string_view fields);  // as far as it goes
 McapChunkIndex parse_chunk_index(std::string_view fields);
 McapFooter parse_footer(std::string_view fields);
 std::map<std::uint16_t, std::uint64_t> parse_message_counts(std::string_view statistics);
