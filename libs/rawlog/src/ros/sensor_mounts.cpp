@@ -17,6 +17,7 @@ SensorMounts::SensorMounts(const ChosenTopics& topics, const ReadOptions& option
       bag_(std::move(bag)),
       uses_transforms_(options.use_tf && topics.has_transforms),
       has_odometry_topic_(topics.has_odometry),
+      awaits_odometry_(topics.has_odometry),
       last_odometry_ns_(std::numeric_limits<std::int64_t>::min()) {
   if (options.use_tf && !topics.has_transforms)
     say_once(bag_ +
@@ -48,13 +49,14 @@ std::vector<TransformedOdometry> SensorMounts::add(MessageReader& reader, bool i
 }
 
 void SensorMounts::note_odometry_child(const std::string& frame) {
+  awaits_odometry_ = false;
   if (odometry_child_.empty()) odometry_child_ = frame;
 }
 
 std::optional<std::string> SensorMounts::robot_frame(bool is_final) const {
   if (!options_.robot_frame.empty()) return frame_name(options_.robot_frame);
   if (!odometry_child_.empty()) return odometry_child_;
-  if (has_odometry_topic_ && !is_final) return std::nullopt;
+  if (awaits_odometry_ && !is_final) return std::nullopt;
   const std::string prefix = options_.robot_namespace.empty() ? "" : frame_name(options_.robot_namespace) + "/";
   for (const std::string& name :
        {prefix + "base_footprint", prefix + "base_link", std::string("base_footprint"), std::string("base_link")})

@@ -48,7 +48,7 @@ class SensorMounts {
 
   const ReadOptions& options_;
   std::string bag_;
-  bool uses_transforms_, has_odometry_topic_;
+  bool uses_transforms_, has_odometry_topic_, awaits_odometry_;
   TransformBuffer transforms_;
   std::string odometry_parent_, odometry_child_;
   std::int64_t last_odometry_ns_ = 0;
