@@ -43,7 +43,7 @@ transport::Certified authority_in(const fs::path& folder) {
 
 }  // namespace
 
-ExitCode make_keys(const runtime::RunPlan& plan, const KeysArguments& arguments) {
+ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments) {
   const PrivateFiles only_for_us;
   const fs::path& folder = arguments.out;
   std::error_code error;
@@ -63,7 +63,7 @@ ExitCode make_keys(const runtime::RunPlan& plan, const KeysArguments& arguments)
   options.port = arguments.port;
   options.certificate = "broker.pem";
   options.key = "broker.key";
-  options.users = runtime::users_of(plan);
+  options.users = runtime::users_of(deployment.plan, is_coordinated(deployment));
   std::size_t kept = 0;
   for (transport::BrokerUser& user : options.users) {
     const fs::path file = folder / (user.name + ".keys");

@@ -22,9 +22,6 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
   if (configuration.server.share != tiers::Sharing::none)
     refuse("cameras of robots that are programs of their own share nothing while they drive yet", "server.share",
            "set share: none");
-  if (configuration.coordinator.method != Coordination::none)
-    refuse("a coordinator is not run as a program of its own yet", "coordinator.method",
-           "set method: none, and give each robot its edge");
   for (const PlannedRobot& robot : plan.robots) {
     if (robot.part)
       refuse("robot '" + robot.robot().str() + "' has several edges; robots that are programs of their own have one",

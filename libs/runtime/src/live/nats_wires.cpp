@@ -71,15 +71,15 @@ void allow(transport::BrokerUser& user, const std::string& wire, const std::stri
   }
 }
 
-constexpr char kBoard[] = "status";
+constexpr char kBoard[] = "status", kPlans[] = "plan";
 
 transport::BrokerUser new_user(const std::string& name) {
   const std::string inbox = inbox_of(name) + ".>";
   return {name, "", {"$JS.API.INFO", inbox, transport::NatsBoard::subject_of(kBoard, name)}, {inbox}};
 }
 
-void allow_board(transport::BrokerUser& user, std::initializer_list<const char*> what) {
-  for (const char* one : what) user.may_publish.push_back(std::string("$JS.API.STREAM.") + one + "." + kBoard);
+void allow_board(transport::BrokerUser& user, const char* board, std::initializer_list<const char*> what) {
+  for (const char* one : what) user.may_publish.push_back(std::string("$JS.API.STREAM.") + one + "." + board);
 }
 
 Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, transport::NatsChannelOptions options) {
@@ -91,9 +91,36 @@ Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, tr
 std::string of_edge(const TierId& edge) { return "edge_" + stream_name(edge.str()); }
 std::string of_cloud(const TierId& edge) { return "cloud_" + stream_name(edge.str()); }
 
+// Where a coordinator may give any robot to any edge: who follows its plan, and what it hears of maps.
+void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan& plan) {
+  using Side = transport::NatsChannelSide;
+  const auto user = [&](const std::string& name) -> transport::BrokerUser& {
+    return *std::find_if(users.begin(), users.end(), [&](const auto& one) { return one.name == name; });
+  };
+  for (const PlannedRobot& robot : plan.robots) {
+    transport::BrokerUser& of_robot = user("robot-" + robot.id.str());
+    for (const TierId& edge : plan.edges)
+      if (edge != robot.edge) allow(of_robot, of_edge(edge), transport::nats_token(robot.id.str()), Side::opens);
+    allow_board(of_robot, kPlans, {"MSG.GET"});
+  }
+  for (const TierId& edge : plan.edges) {
+    transport::BrokerUser& of_this = user("edge-" + edge.str());
+    of_this.may_publish.push_back(transport::NatsBoard::subject_of(kBoard, maps_word_of(edge)));
+    allow_board(of_this, kPlans, {"MSG.GET"});
+  }
+  allow_board(user("cloud"), kPlans, {"MSG.GET"});
+  transport::BrokerUser coordinator = new_user("coordinator");
+  coordinator.may_publish.push_back(transport::NatsBoard::subject_of(kPlans, "coordinator"));
+  allow_board(coordinator, kBoard, {"INFO", "CREATE", "MSG.GET"});
+  allow_board(coordinator, kPlans, {"INFO", "CREATE", "MSG.GET"});
+  users.push_back(std::move(coordinator));
+}
+
 }  // namespace
 
-std::vector<transport::BrokerUser> users_of(const RunPlan& plan) {
+std::string maps_word_of(const TierId& edge) { return "maps-" + edge.str(); }
+
+std::vector<transport::BrokerUser> users_of(const RunPlan& plan, bool is_coordinated) {
   using Side = transport::NatsChannelSide;
   std::vector<transport::BrokerUser> users;
   transport::BrokerUser cloud = new_user("cloud");
@@ -102,14 +129,16 @@ std::vector<transport::BrokerUser> users_of(const RunPlan& plan) {
     allow(user, of_edge(edge), "*", Side::accepts);
     allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens);
     allow(cloud, of_cloud(edge), "*", Side::accepts);
-    allow_board(user, {"INFO", "CREATE"});
+    allow_board(user, kBoard, {"INFO", "CREATE"});
   }
-  allow_board(cloud, {"INFO", "CREATE"});
-  for (const PlannedRobot& robot : plan.robots)
-    allow(users.emplace_back(new_user("robot-" + robot.id.str())), of_edge(robot.edge),
-          transport::nats_token(robot.id.str()), Side::opens);
+  allow_board(cloud, kBoard, {"INFO", "CREATE"});
+  for (const PlannedRobot& robot : plan.robots) {
+    transport::BrokerUser& user = users.emplace_back(new_user("robot-" + robot.id.str()));
+    if (!robot.edge.empty()) allow(user, of_edge(robot.edge), transport::nats_token(robot.id.str()), Side::opens);
+  }
   users.push_back(std::move(cloud));
-  allow_board(users.emplace_back(new_user("doctor")), {"INFO", "CREATE", "MSG.GET"});
+  allow_board(users.emplace_back(new_user("doctor")), kBoard, {"INFO", "CREATE", "MSG.GET"});
+  if (is_coordinated) allow_coordinated(users, plan);
   return users;
 }
 
@@ -153,9 +182,17 @@ Connect NatsWires::at_cloud(const TierId& edge) const {
 }
 
 transport::NatsBoard NatsWires::board() const { return {connection_, kBoard}; }
+transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
+
+void ServedWires::remove(const std::string& name) {
+  const auto wire = wires_.find(name);
+  if (wire == wires_.end()) return;
+  if (wire->second.channel != nullptr) wire->second.channel->close();
+  wires_.erase(wire);
+}
 
 void ServedWires::keep() {
-  for (Wire& wire : wires_)
+  for (auto& [name, wire] : wires_)
     if (wire.channel == nullptr || wire.channel->is_closed()) {
       wire.channel = wire.accept();
       serve_(wire.channel);

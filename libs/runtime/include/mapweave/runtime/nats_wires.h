@@ -4,6 +4,7 @@
 #include <mapweave/runtime/live_cloud.h>
 #include <mapweave/transport/nats_board.h>
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -28,6 +29,8 @@ class NatsWires {
   // Where every program of the deployment says how it is (program_status), under the name that its user has or would
   // have ("robot-alpha", "edge-north", "cloud"). Made by edges, the cloud, and who has no accounts.
   transport::NatsBoard board() const;
+  // Where the coordinator says which robot has which edge (LivePlan), under "coordinator"; it alone makes it.
+  transport::NatsBoard plans() const;
 
  private:
   std::shared_ptr<transport::NatsConnection> connection_;
@@ -37,10 +40,11 @@ class NatsWires {
 // Channels that one program serves: each is made anew where it was closed. Not thread-safe.
 class ServedWires {
  public:
-  // serve: as LiveEdge's or LiveCloud's.
+  // serve: as LiveEdge's or LiveCloud's. Each wire has a name.
   explicit ServedWires(std::function<void(std::shared_ptr<transport::Channel>)> serve) : serve_(std::move(serve)) {}
-  void add(Connect accept) { wires_.push_back({std::move(accept), nullptr}); }
-  void keep();  // now and then
+  void add(const std::string& name, Connect accept) { wires_.try_emplace(name, Wire{std::move(accept), nullptr}); }
+  void remove(const std::string& name);  // closed
+  void keep();                           // now and then
 
  private:
   struct Wire {
@@ -48,7 +52,7 @@ class ServedWires {
     std::shared_ptr<transport::Channel> channel;
   };
   std::function<void(std::shared_ptr<transport::Channel>)> serve_;
-  std::vector<Wire> wires_;
+  std::map<std::string, Wire> wires_;
 };
 
 }  // namespace mapweave::runtime
