@@ -160,7 +160,8 @@ std::string in_words(const Json& seen) {
   add("waiting_bytes", " bytes wait");
   add("preview_maps", " maps in its preview");
   if (counts.contains("plan")) text += "; plan " + std::to_string(counts["plan"].get<std::int64_t>());
-  for (const auto& [edge, robots] : tier.value("groups", Json::object()).items()) {
+  const Json groups = tier.value("groups", Json::object());
+  for (const auto& [edge, robots] : groups.items()) {
     text += "\n  edge " + edge + ":";
     for (const Json& robot : robots) text += " " + robot.get<std::string>();
     if (robots.empty()) text += " none";

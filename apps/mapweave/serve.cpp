@@ -11,6 +11,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
+#include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/nats_wires.h>
 #include <mapweave/runtime/sensor_choice.h>
 
