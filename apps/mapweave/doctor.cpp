@@ -115,10 +115,10 @@ Json look_at_program(const std::string& user, const std::optional<Word>& before,
   const auto find = [&](const char* level, const std::string& what, const std::string& remedy) {
     seen["findings"].push_back(finding(level, what, remedy));
   };
-  const std::string start =
-      "start it: mapweave serve " +
-      (user == "cloud" ? "cloud CONFIG --out DIR"
-                       : user.substr(0, user.find('-')) + " CONFIG --name " + user.substr(user.find('-') + 1));
+  const std::string start = "start it: mapweave serve " + (user == "cloud" || user == "coordinator"
+                                                               ? user + " CONFIG --out DIR"
+                                                               : user.substr(0, user.find('-')) + " CONFIG --name " +
+                                                                     user.substr(user.find('-') + 1));
   if (!after) {
     find("error", "it never said anything", start);
     return seen;
@@ -159,6 +159,14 @@ std::string in_words(const Json& seen) {
   add("lost_scans", " lost");
   add("waiting_bytes", " bytes wait");
   add("preview_maps", " maps in its preview");
+  if (counts.contains("plan")) text += "; plan " + std::to_string(counts["plan"].get<std::int64_t>());
+  const Json groups = tier.value("groups", Json::object());
+  for (const auto& [edge, robots] : groups.items()) {
+    text += "\n  edge " + edge + ":";
+    for (const Json& robot : robots) text += " " + robot.get<std::string>();
+    if (robots.empty()) text += " none";
+  }
+  if (const std::string last = tier.value("last", ""); !last.empty()) text += "\n  moved last " + last;
   for (const Json& group : tier.value("joint", Json::array())) {
     text += "; joined: ";
     for (std::size_t i = 0; i < group.size(); ++i) text += (i > 0 ? " + " : "") + group[i].get<std::string>();
@@ -178,8 +186,10 @@ struct Program {
   std::optional<TierId> edge;  // at whose broker it is
 };
 
-std::vector<Program> programs_of(const runtime::RunPlan& plan) {
+std::vector<Program> programs_of(const Deployment& deployment) {
+  const runtime::RunPlan& plan = deployment.plan;
   std::vector<Program> programs{{"cloud", std::nullopt}};
+  if (is_coordinated(deployment)) programs.push_back({"coordinator", std::nullopt});
   for (const TierId& edge : plan.edges) programs.push_back({"edge-" + edge.str(), edge});
   for (const runtime::PlannedRobot& robot : plan.robots) programs.push_back({"robot-" + robot.id.str(), robot.edge});
   return programs;
@@ -190,7 +200,7 @@ Json look_at_deployment(const Arguments& arguments) {
   const runtime::NatsWires wires(deployment.loaded.configuration, kPatience);
   transport::NatsBoard board = wires.board();
   const auto ahead = broker_is_ahead(board);
-  const std::vector<Program> programs_there = programs_of(deployment.plan);
+  const std::vector<Program> programs_there = programs_of(deployment);
   const auto look = [&] {
     std::vector<std::optional<Word>> words;
     for (const Program& program : programs_there) {

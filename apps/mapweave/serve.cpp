@@ -11,6 +11,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
+#include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/nats_wires.h>
 #include <mapweave/runtime/sensor_choice.h>
 
@@ -80,6 +81,8 @@ std::unique_ptr<runtime::PageServer> page_if_wanted(const Deployment& deployment
   return show_page(deployment.live().page_host, deployment.live().page_port, std::move(source), progress);
 }
 
+bool has_said_all(const runtime::LiveRobotCounts& robot) { return robot.is_read && robot.confirmed >= robot.messages; }
+
 ExitCode serve_robot(const Arguments& arguments) {
   StopSignals signals;
   Deployment deployment = load_deployment(arguments.file, arguments.flags);
@@ -96,23 +99,33 @@ ExitCode serve_robot(const Arguments& arguments) {
   const runtime::PlannedRobot& planned = own.robots.front();
   if (planned.trouble && planned.trouble->code() == ErrorCode::kMissing) throw *planned.trouble;
   const runtime::NatsWires wires(deployment.loaded.configuration, planned.edge, kToConnect);
+  PlanReader plans(wires, deployment);
   runtime::LiveRobot robot(planned, deployment.loaded.configuration, deployment.live(),
-                           wires.from_robot(name, planned.edge));
+                           [&](const TierId& edge) { return wires.from_robot(name, edge)(); });
+  if (const auto plan = plans.look()) robot.follow(*plan);
   const auto progress = make_terminal_progress();
-  progress->say("robot " + name.str() +
-                (robot.counts().is_on_board ? " maps on board, and sends its maps at the end to edge "
-                                            : " sends what it senses to edge ") +
-                planned.edge.str());
+  const TierId first = robot.counts().edge;
+  progress->say(
+      "robot " + name.str() +
+      (robot.counts().is_on_board ? " maps on board, and sends its maps at the end to " : " sends what it senses to ") +
+      (first.empty() ? "the edge that the coordinator names" : "edge " + first.str()));
   StatusPublisher publisher(wires, "robot-" + name.str(), deployment.live().keys.empty(), [&] {
     const runtime::StatusTerms terms = since.terms();
     return runtime::program_status("robot", name.str(),
-                                   {runtime::tier_status(name, planned.edge, robot.counts(), terms)}, terms);
+                                   {runtime::tier_status(name, robot.counts().edge, robot.counts(), terms)}, terms);
   });
   ServiceNotifier service;
-  bool is_asked = false;
+  bool is_asked = false, waits = false;
   while (!robot.is_done()) {
+    if (const auto plan = plans.look()) robot.follow(*plan);
     publisher.publish();
-    service.turn(service_turn_of(robot.counts()));
+    const runtime::LiveRobotCounts now = robot.counts();
+    service.turn(service_turn_of(now));
+    if (has_said_all(now) && is_asked) break;
+    if (has_said_all(now) && !std::exchange(waits, true))
+      progress->say("robot " + name.str() +
+                    ": its edge has all; it stays until the team's map is written, since the coordinator may give it "
+                    "to another edge");
     if (!signals.wait(kStep)) continue;
     if (is_asked || signals.asks_for_a_pause())
       throw Interrupted("interrupted; " + std::to_string(robot.counts().waiting_bytes) +
@@ -146,8 +159,21 @@ ExitCode serve_edge(const Arguments& arguments) {
                             journal, shows(deployment)},
                            wires.from_edge(name));
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
+    const auto add = [&](const RobotId& robot) { robots.add(robot.str(), wires.at_edge(robot, name)); };
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
-      if (robot.edge == name) robots.add(wires.at_edge(robot.id, name));
+      if (robot.edge == name) add(robot.id);
+    PlanReader plans(wires, deployment);
+    MapReportPublisher maps(wires, runtime::maps_word_of(name));
+    const auto follow = [&] {
+      const auto plan = plans.look();
+      if (!plan) return;
+      edge.follow(*plan);
+      for (const auto& [robot, at] : plan->edge_of)
+        if (at == name)
+          add(robot);
+        else
+          robots.remove(robot.str());
+    };
     const auto status = [&] {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("edge", name.str(), {runtime::tier_status(name, edge.counts(), terms)}, terms);
@@ -157,8 +183,10 @@ ExitCode serve_edge(const Arguments& arguments) {
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
     ServiceNotifier service;
     while (!edge.counts().is_done) {
+      follow();
       robots.keep();
       publisher.publish();
+      if (is_coordinated(deployment)) maps.publish(edge);
       service.turn(service_turn_of(edge.counts()));
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
@@ -186,7 +214,8 @@ ExitCode serve_cloud(const Arguments& arguments) {
                               journal, shows(deployment)},
                              {arguments.flags.out, arguments.flags.force, true});
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
-    for (const TierId& edge : deployment.plan.edges) edges.add(wires.at_cloud(edge));
+    for (const TierId& edge : deployment.plan.edges) edges.add(edge.str(), wires.at_cloud(edge));
+    PlanReader plans(wires, deployment);
     const auto status = [&] {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("cloud", "cloud", {runtime::tier_status(cloud.counts(), terms)}, terms);
@@ -201,6 +230,7 @@ ExitCode serve_cloud(const Arguments& arguments) {
       cloud.seal_now();
     };
     report = wait_for_results(cloud, signals, asked, [&] {
+      if (const auto plan = plans.look()) cloud.follow(*plan);
       edges.keep();
       publisher.publish();
       service.turn(service_turn_of(cloud.counts()));
@@ -276,15 +306,19 @@ Action set_up_serve(CLI::App& verb) {
   CLI::App* robot = verb.add_subcommand("robot", "plays a robot's recording and sends it to its edge");
   CLI::App* edge = verb.add_subcommand("edge", "maps what its robots send, and merges their maps");
   CLI::App* cloud = verb.add_subcommand("cloud", "merges the maps of all edges, and writes the results");
+  CLI::App* coordinator = verb.add_subcommand("coordinator", "gives robots to edges, again and again while they drive");
   CLI::App* keys = verb.add_subcommand("keys", "makes certificates, users and passwords for a deployment's broker");
   CLI::App* demo = verb.add_subcommand("demo", "all of them on this machine, with three simulated robots");
-  for (CLI::App* role : {robot, edge, cloud, keys}) add_role_arguments(*role, *arguments);
+  for (CLI::App* role : {robot, edge, cloud, coordinator, keys}) add_role_arguments(*role, *arguments);
   robot->add_option("--name", arguments->name, "which robot of the configuration it is")->type_name("NAME");
   edge->add_option("--name", arguments->name, "which edge of the configuration it is")->type_name("NAME");
   for (CLI::App* role : {edge, cloud}) add_threads_flag(*role, *arguments);
   cloud->add_option("-o,--out", arguments->flags.out, "new folder for the results")->required()->type_name("DIR");
   cloud->add_flag("--force", arguments->flags.force, "replace an old folder of results");
   cloud->add_flag("--json", arguments->flags.json, "print the summary as JSON");
+  coordinator->add_option("-o,--out", arguments->flags.out, "folder for plan.json, which holds what it decided and why")
+      ->required()
+      ->type_name("DIR");
   keys->add_option("-o,--out", arguments->flags.out, "folder for them; keys that it holds already stay as they are")
       ->required()
       ->type_name("DIR");
@@ -318,12 +352,15 @@ Action set_up_serve(CLI::App& verb) {
   show_examples(*robot, {"mapweave serve robot office.yaml --name alpha"});
   show_examples(*edge, {"mapweave serve edge office.yaml --name north"});
   show_examples(*cloud, {"mapweave serve cloud office.yaml --out maps/office"});
+  show_examples(*coordinator, {"mapweave serve coordinator office.yaml --out plans/office"});
   show_examples(*keys, {"mapweave serve keys office.yaml --host 10.0.0.1 --out keys"});
   show_examples(*demo, {"mapweave serve demo --out maps/demo"});
   return [=] {
     if (robot->parsed()) return serve_robot(*arguments);
     if (edge->parsed()) return serve_edge(*arguments);
     if (cloud->parsed()) return serve_cloud(*arguments);
+    if (coordinator->parsed())
+      return serve_coordinator(load_deployment(arguments->file, arguments->flags), arguments->flags.out);
     if (keys->parsed()) {
       arguments->keys.out = arguments->flags.out;
       return make_keys(load_deployment(arguments->file, arguments->flags), arguments->keys);

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -68,10 +69,45 @@ class StatusPublisher {
   int times_ = 0;
 };
 
+bool is_coordinated(const Deployment& deployment);
+
+// The coordinator's plan, for those who follow it.
+class PlanReader {
+ public:
+  PlanReader(const runtime::NatsWires& wires, const Deployment& deployment)
+      : plans_(wires.plans()), of_(deployment.plan), is_coordinated_(is_coordinated(deployment)) {}
+  // Now and then: a newer one than before.
+  std::optional<runtime::LivePlan> look();
+
+ private:
+  transport::NatsBoard plans_;
+  const runtime::RunPlan& of_;
+  bool is_coordinated_, has_warned_ = false;
+  std::uint64_t number_ = 0;
+  std::chrono::steady_clock::time_point next_{};
+};
+
+// What an edge says to the coordinator of its robots' maps.
+class MapReportPublisher {
+ public:
+  MapReportPublisher(const runtime::NatsWires& wires, std::string name)
+      : board_(wires.board()), name_(std::move(name)) {}
+  void publish(const runtime::LiveEdge& edge);  // now and then
+
+ private:
+  transport::NatsBoard board_;
+  const std::string name_;
+  std::string said_;
+  std::chrono::steady_clock::time_point next_{}, again_{};
+};
+
 // What a page shows of maps and robots; `status` and `preview` are its program's to add.
 runtime::PageSource page_of(const std::string& title, const runtime::RunConfiguration&, const runtime::RunPlan&);
 // Shows it, and says where; warns where others than this machine reach it. port 0: any that is free.
 std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port, runtime::PageSource, Progress&);
+
+// serve coordinator: decides until the team's map is written; its plans are kept in out/plan.json.
+ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out);
 
 // serve demo: all of it on this machine.
 struct DemoArguments {

@@ -155,16 +155,17 @@ ExitCode serve_demo(const DemoArguments& arguments) {
   DemoEdges edges;
   for (const TierId& name : plan.edges) {
     edges[name] = std::make_unique<runtime::LiveEdge>(name, site(name.str()), wires.from_edge(name));
-    served.front().add(wires.at_cloud(name));
+    served.front().add(name.str(), wires.at_cloud(name));
     runtime::ServedWires& robots = served.emplace_back(
         [edge = edges[name].get()](std::shared_ptr<transport::Channel> channel) { edge->serve(std::move(channel)); });
     for (const runtime::PlannedRobot& robot : plan.robots)
-      if (robot.edge == name) robots.add(wires.at_edge(robot.id, name));
+      if (robot.edge == name) robots.add(robot.id.str(), wires.at_edge(robot.id, name));
   }
   DemoRobots robots;
   for (const runtime::PlannedRobot& robot : plan.robots)
-    robots.push_back(std::make_unique<runtime::LiveRobot>(robot, configuration, configuration.live,
-                                                          wires.from_robot(robot.id, robot.edge)));
+    robots.push_back(std::make_unique<runtime::LiveRobot>(
+        robot, configuration, configuration.live,
+        [&wires, id = robot.id](const TierId& edge) { return wires.from_robot(id, edge)(); }));
   runtime::PageSource source = page_of("mapweave serve demo", configuration, plan);
   source.preview = [&] { return cloud.preview(); };
   source.status = [&] { return status_of_demo(since.terms(), plan, cloud, edges, robots); };

@@ -510,6 +510,7 @@ WITHOUT_EFFECT = {
     "live.robot_buffer_kb": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.edge_queue_kb": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.patience_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
+    "live.lost_after_s": "of programs that talk (serve), not of a run; test/runtime/live_coordinator_test.cpp",
     "live.page_host": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/page_server_test.cpp",
     "live.page_port": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/page_server_test.cpp",
     "live.wire.repeat_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",

@@ -35,13 +35,14 @@ class Packaging(support.Scenario):
             self.assertIn("User Commands", done.stdout)
 
     def test_what_units_start_is_a_right_command_line_for_the_example(self):
-        names = {"mapweave-edge@.service": "north", "mapweave-robot@.service": "alpha", "mapweave-cloud.service": ""}
+        names = {"mapweave-edge@.service": "north", "mapweave-robot@.service": "alpha", "mapweave-cloud.service": "", "mapweave-coordinator.service": ""}
         started = {}
         for unit, name in names.items():
             command = re.search(r"^ExecStart=/usr/local/bin/mapweave (.*)$", (GUI_LESS / "systemd" / unit).read_text(), re.MULTILINE)[1]
             command = command.replace("%i", name).replace("/etc/mapweave/deployment.yaml", str(GUI_LESS / "deployment.yaml"))
             command = command.replace("/var/lib/mapweave", str(self.folder))
-            started[unit] = self.start(*shlex.split(command), "--set", "live.broker=nats://127.0.0.1:9")
+            method = ["--set", "coordinator.method=default"] if "coordinator" in unit else []
+            started[unit] = self.start(*shlex.split(command), "--set", "live.broker=nats://127.0.0.1:9", *method)
         for unit, process in started.items():
             # What is absent here is found missing behind the command line and the configuration: the broker, or the recording.
             error = process.communicate(timeout=60 * support.PATIENCE)[1]

@@ -1,5 +1,6 @@
 """A deployment whose broker lets in only its own programs: certificates and users made by `serve keys`."""
 import json
+import re
 import socket
 import ssl
 import stat
@@ -136,6 +137,31 @@ class ServeKeys(serve_test.WithBroker):
         self.assertTrue(found["is_healthy"], found)
         self.assertEqual([program["program"] for program in found["deployment"]["programs"] if program["silent_seconds"] is None], [],
                          "alpha had ended before the cloud's broker began")
+
+    def test_a_coordinator_with_keys_gives_robots_to_edges(self):
+        self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
+        run = self.folder / "logs/run.yaml"
+        run.write_text(re.sub(r', edge: "\w+"', "", run.read_text()) + "\nedges: [{id: north}, {id: south}]\ncoordinator: {method: default, overlap_period_s: 2}\n")
+        port = serve_test.free_port()
+        self.assertIn("9 users", self.make_keys(port).stdout)
+        self.start_guarded_broker(port)
+        talk = ["--set", f"live.broker=nats://127.0.0.1:{port}", "--set", "live.speed=0"]
+        start = lambda role, user, *rest: self.start("serve", role, "logs/run.yaml", *rest, *talk, "--set", f"live.keys=keys/{user}.keys")
+        cloud = start("cloud", "cloud", "--out", "live")
+        coordinator = start("coordinator", "coordinator", "--out", "plans")
+        edges = [start("edge", f"edge-{name}", "--name", name) for name in ("north", "south")]
+        robots = [start("robot", f"robot-{name}", "--name", name) for name in ("alpha", "beta")]
+        self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
+        for process in (*robots, *edges, coordinator):
+            self.end(process)
+        placed = {robot for edge in self.read_json("plans/plan.json")["edges"] for robot in edge["robots"]}
+        self.assertEqual(placed, {"alpha", "beta"})
+        self.assertTrue(all(robot["mapped"] for robot in self.read_json("live/summary.json")["robots"]))
+        alpha = Broker(port, self.read_json("keys/robot-alpha.keys"))
+        for subject in ("mw.edge_south_up.0.alpha", "mw.edge_north_up.0.alpha"):
+            self.assertNotIn("Violation", alpha.answer(f"PUB {subject} 1\r\nx"), subject)
+        for subject in ("mw.edge_south_up.0.beta", "mw.plan.coordinator", "mw.status.coordinator", "mw.status.maps-north", "$JS.API.STREAM.CREATE.plan", "$JS.API.STREAM.MSG.GET.status"):
+            self.assertIn("Permissions Violation for Publish", alpha.answer(f"PUB {subject} 1\r\nx"), subject)
 
     def test_keys_stay_where_robots_are_added_and_what_is_wrong_is_said(self):
         self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")

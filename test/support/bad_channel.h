@@ -35,6 +35,7 @@ class BadChannel : public transport::Channel {
   std::vector<Delivery> receive(std::chrono::milliseconds patience) override { return channel_->receive(patience); }
   void acknowledge(std::uint64_t delivery) override { channel_->acknowledge(delivery); }
   void set_listener(std::function<void()> listener) override { channel_->set_listener(std::move(listener)); }
+  std::optional<Measured> bytes_per_s() const override { return channel_->bytes_per_s(); }
   void close() override { channel_->close(); }
   bool is_closed() const override { return channel_->is_closed(); }
 

@@ -49,7 +49,9 @@ function liveHead() {
 
 const mainTier = () => tiers().find((tier) => tier.role === 'cloud') || tiers()[0];
 function headline() {
-  const tier = mainTier(), groups = tier.joint.map((members) => members.join(' + '));
+  const tier = mainTier();
+  if (tier.role === 'coordinator') return `${roleOf(tier)}: ${tier.state}${tier.counts.plan ? `; plan ${tier.counts.plan}` : ''}.`;
+  const groups = tier.joint.map((members) => members.join(' + '));
   const shown = run.maps.length === 0 ? 'no map to show yet' : groups.length === 0 ? `${counted(run.maps.length, 'map')}, none joined yet` : `joined: ${groups.join(', ')}`;
   return `${roleOf(tier)}: ${tier.state}; ${shown}.`;
 }
@@ -143,7 +145,7 @@ function robotsSection() {
       const path = map && poses(map.trajectories.find((trajectory) => trajectory.robot === index)), last = path ? path.x.length - 1 : -1;
       if (isEdge && !at) return null;
       const state = itself ? itself.state : !at ? '' : !at.link.is_needed ? 'has ended' : at.link.is_on_wire ? 'on the wire' : 'not on the wire';
-      return [make('span', {}, sample(lookOf(index)), ' ', name), state, at ? at.tier.name : '', at ? String(at.link.counts.scans) : '',
+      return [make('span', {}, sample(lookOf(index)), ' ', name), state, at ? at.link.edge ?? at.tier.name : '', at ? String(at.link.counts.scans) : '',
         at ? amount(at.link.counts.queue_bytes) : '', itself ? amount(itself.counts.waiting_bytes) : '', map ? map.title : '', last >= 0 ? `${fixed(path.x[last], 1)}, ${fixed(path.y[last], 1)}` : ''];
     }).filter((row) => row !== null);
     const heads = ['Robot', 'State', 'Edge', '#Scans mapped', '#Waits to be mapped', '#Waits to be sent', 'In the map of', '#Last at x, y, m'];
@@ -154,8 +156,18 @@ function robotsSection() {
 
 function linksSection() {
   return redrawn(() => [table(['Who', 'Speaks with', 'On the wire', '#Last received', '#Messages', '#Stored'],
-    tiers().flatMap((tier) => tier.links.map((link) => [roleOf(tier), roleOf(link), link.is_on_wire ? 'yes' : link.is_needed ? make('strong', {}, 'no') : 'no, it has ended',
+    tiers().flatMap((tier) => tier.links.map((link) => [roleOf(tier), roleOf(link), link.is_on_wire ? 'yes' : link.is_needed ? make('strong', {}, 'no') : 'no; nothing is awaited',
       agoText(link.silent_seconds), String(link.counts.taken ?? ''), String(link.counts.stored ?? '')])))]);
+}
+
+// Of a coordinator: which robots each edge has, and what is known of it.
+function planSection() {
+  return redrawn(() => {
+    const [tier] = tiers();
+    const rows = tier.links.filter((link) => link.role === 'edge').map((link) => [link.name, (tier.groups[link.name] ?? []).join(', ') || 'none',
+      `${fixed(link.counts.speed, 2)} (${link.speed_is})`, link.bytes_per_second_is === 'configured' && link.counts.bytes_per_second >= 1e12 ? 'no bound (configured)' : `${amount(link.counts.bytes_per_second)}/s (${link.bytes_per_second_is})`]);
+    return [table(['Edge', 'Its robots', 'Speed', 'To the cloud'], rows), ...(tier.last ? [make('p', {}, `Moved last ${tier.last}.`)] : [])];
+  });
 }
 
 function joinsSection() {
@@ -201,6 +213,8 @@ window.addEventListener('load', () => {
 });
 
 const drawHead = liveHead;
-const pageParts = [{ id: 'map', title: 'Map so far', build: liveMapSection }, { id: 'findings', title: 'Findings', build: findingsSection },
-  { id: 'robots', title: 'Robots', build: robotsSection }, { id: 'joins', title: 'Joins', build: joinsSection },
+const isCoordinator = tiers().every((tier) => tier.role === 'coordinator');  // which has no map
+const pageParts = [isCoordinator ? { id: 'plan', title: 'Plan', build: planSection } : { id: 'map', title: 'Map so far', build: liveMapSection },
+  { id: 'findings', title: 'Findings', build: findingsSection }, { id: 'robots', title: 'Robots', build: robotsSection },
+  ...(isCoordinator ? [] : [{ id: 'joins', title: 'Joins', build: joinsSection }]),
   { id: 'links', title: 'Links', build: linksSection }, { id: 'counts', title: 'Counts', build: countsSection }];

@@ -26,16 +26,9 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
   return model;
 }
 
-tiers::CoordinatorOptions options_of(const RunConfiguration& configuration, const RunPlan& plan) {
-  tiers::CoordinatorOptions options;
-  const auto method = static_cast<int>(configuration.coordinator.method) - static_cast<int>(Coordination::standard);
-  options.plan.method = static_cast<scheduling::PlanMethod>(method);
-  options.plan.seed = configuration.seed;
-  options.plan.recslam = configuration.coordinator.recslam;
-  options.plan.model = model_of(configuration, plan.model);
-  options.cloud = planned_cloud(configuration);
-  options.hysteresis = configuration.coordinator.hysteresis;
-  return options;
+scheduling::PlanMethod method_of(const RunConfiguration& configuration) {
+  return static_cast<scheduling::PlanMethod>(static_cast<int>(configuration.coordinator.method) -
+                                             static_cast<int>(Coordination::standard));
 }
 static_assert(static_cast<int>(Coordination::exact) - static_cast<int>(Coordination::standard) ==
                   static_cast<int>(scheduling::PlanMethod::exact),
@@ -43,10 +36,30 @@ static_assert(static_cast<int>(Coordination::exact) - static_cast<int>(Coordinat
 
 }  // namespace
 
+tiers::CoordinatorOptions coordinator_options(const RunConfiguration& configuration, const RunPlan& plan) {
+  tiers::CoordinatorOptions options;
+  options.plan.method = method_of(configuration);
+  options.plan.seed = configuration.seed;
+  options.plan.recslam = configuration.coordinator.recslam;
+  options.plan.model = model_of(configuration, plan.model);
+  options.cloud = planned_cloud(configuration);
+  options.hysteresis = configuration.coordinator.hysteresis;
+  return options;
+}
+
+std::string coordination_method(const RunConfiguration& configuration) {
+  return scheduling::plan_method_names().at(static_cast<std::size_t>(method_of(configuration)));
+}
+
+RobotComes announced(const RobotEntry& entry, const RobotId& robot, const TierId& edge, double route_range_m) {
+  std::vector<scheduling::Waypoint> route;
+  for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
+  return {robot, route.empty() ? std::nullopt : std::optional(summary_of_route(route, route_range_m)), edge};
+}
+
 CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunPlan& plan)
-    : configuration_(configuration), plan_(plan), coordinator_(options_of(configuration, plan)) {
-  report_.method =
-      scheduling::plan_method_names().at(static_cast<std::size_t>(options_of(configuration, plan).plan.method));
+    : configuration_(configuration), plan_(plan), coordinator_(coordinator_options(configuration, plan)) {
+  report_.method = coordination_method(configuration);
   report_.at = configuration.coordinator.at.empty() ? "cloud" : configuration.coordinator.at;
   report_robots(0.0);
   report_edges_and_wires(0.0);
@@ -61,11 +74,7 @@ void CoordinatedRobots::report_robots(double now_s) {
   for (const PlannedRobot& robot : plan_.robots) {
     const RobotEntry entry = robot_entry(configuration_, robot.id);
     if (now_s < entry.from_s || coordinator_.edge_of().count(robot.id) != 0) continue;
-    std::vector<scheduling::Waypoint> route;
-    for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
-    const double range_m = configuration_.coordinator.route_range_m;
-    send(RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)),
-                    robot.edge});
+    send(announced(entry, robot.id, robot.edge, configuration_.coordinator.route_range_m));
   }
 }
 

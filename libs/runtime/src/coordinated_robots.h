@@ -10,6 +10,12 @@
 
 namespace mapweave::runtime {
 
+// As the configuration has them. Throws what reading a model throws.
+tiers::CoordinatorOptions coordinator_options(const RunConfiguration&, const RunPlan& plan);
+std::string coordination_method(const RunConfiguration&);  // "default"
+// What is announced of a robot: its route.
+RobotComes announced(const RobotEntry& entry, const RobotId& robot, const TierId& edge, double route_range_m);
+
 class CoordinatedRobots {
  public:
   // Decides a first time, with what is announced: `plan` then names each robot's edge. Plan and configuration must

@@ -19,4 +19,8 @@ inline double planned_bytes_per_s(const transport::LinkState& wire) {
   return wire.bytes_per_s > 0.0 ? wire.bytes_per_s * (1.0 - wire.loss) : kAnyBytesPerS;
 }
 
+// As the configuration has them at the beginning: an edge with its way to the cloud, a robot's way to an edge.
+scheduling::EdgeResources planned_edge(const EdgeEntry& entry, const RunConfiguration&, const NetworkOptions&);
+scheduling::RobotLink planned_link(const RobotId& robot, const TierId& edge, const NetworkOptions&);
+
 }  // namespace mapweave::runtime

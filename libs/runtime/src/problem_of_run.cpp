@@ -31,28 +31,6 @@ std::map<std::string, double> scans_of(const std::filesystem::path& summary) {
   return scans;
 }
 
-transport::LinkState at_first(const NetworkOptions& network, const std::string& from, const std::string& to,
-                              const transport::LinkModelOptions& otherwise) {
-  return transport::LinkModel(wire_between(network, from, to, otherwise), 0).state_at(0.0);
-}
-
-scheduling::EdgeResources resources_of(const EdgeEntry& entry, const RunConfiguration& configuration) {
-  scheduling::EdgeResources edge;
-  edge.id = TierId(entry.id);
-  edge.speed = configuration.processors.edge_speed() * entry.speed;
-  edge.bandwidth_bytes_per_s = kAnyBytesPerS;
-  edge.delay_s = 0.0;  // where the cloud is
-  if (entry.id != configuration.cloud.at) {
-    const std::string cloud = configuration.cloud.at.empty() ? cloud_tier().str() : configuration.cloud.at;
-    const transport::LinkState wire =
-        at_first(configuration.network, entry.id, cloud, configuration.network.edge_cloud);
-    edge.bandwidth_bytes_per_s = planned_bytes_per_s(wire);
-    edge.delay_s = wire.delay_s;
-  }
-  if (entry.capacity > 0) edge.capacity = static_cast<std::uint32_t>(entry.capacity);
-  return edge;
-}
-
 }  // namespace
 
 scheduling::Problem problem_of_run(const std::filesystem::path& folder) {
@@ -83,12 +61,9 @@ scheduling::Problem problem_of_run(const std::filesystem::path& folder) {
   problem.overlaps = scheduling::OverlapGraph(problem.robots.size(), links);
   for (const EdgeEntry& edge : configuration.edges) {
     const auto number = static_cast<std::uint32_t>(problem.edges.size());
-    problem.edges.push_back(resources_of(edge, configuration));
-    for (const auto& [robot, index] : numbers) {
-      const transport::LinkState wire =
-          at_first(configuration.network, robot.str(), edge.id, configuration.network.robot_edge);
-      problem.links[{index, number}] = {planned_bytes_per_s(wire), wire.delay_s};
-    }
+    problem.edges.push_back(planned_edge(edge, configuration, configuration.network));
+    for (const auto& [robot, index] : numbers)
+      problem.links[{index, number}] = planned_link(robot, TierId(edge.id), configuration.network);
   }
   scheduling::group_sizes(problem, (folder / "config.yaml").string());
   return problem;

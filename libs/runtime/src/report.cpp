@@ -207,25 +207,7 @@ Json fusion_json(const FusionReport& fusion) {
 
 Json coordination_json(const CoordinationReport& report, const std::optional<Timeline>& timeline) {
   Json decisions = Json::array();
-  for (const tiers::CoordinatorDecision& decision : report.decisions) {
-    Json moves = Json::array(), placement = Json::object();
-    for (const auto& move : decision.moves)
-      moves.push_back({{"robot", move.robot.str()}, {"from", move.from.str()}, {"to", move.to.str()}});
-    for (const auto& [robot, edge] : decision.edge_of) placement[robot.str()] = edge.str();
-    Json unknown = Json::array();
-    for (const RobotId& robot : decision.unknown) unknown.push_back(robot.str());
-    decisions.push_back({{"at_seconds", decision.at_s},
-                         {"because", decision.because},
-                         {"new_plan", decision.is_new_plan},
-                         {"moves", moves},
-                         {"placement", placement},
-                         {"expected_seconds", decision.expected_s},
-                         {"staying_seconds", decision.staying_s},
-                         {"lower_bound_seconds", decision.lower_bound_s},
-                         {"cut_weight", decision.cut_weight},
-                         {"unknown", unknown},
-                         {"algorithm_seconds", decision.algorithm_s}});
-  }
+  for (const tiers::CoordinatorDecision& decision : report.decisions) decisions.push_back(json_of(decision));
   Json json = {{"method", report.method},
                {"at", report.at},
                {"summary_bytes", report.summary_bytes},
@@ -378,6 +360,26 @@ Json merges_json(const Report& report) {
   for (const Verdict& verdict : report.team.verdicts)
     merges.push_back(verdict_json(report.team.tier, verdict, audit_of(report.team, verdict)));
   return merges;
+}
+
+Json json_of(const tiers::CoordinatorDecision& decision) {
+  Json moves = Json::array(), placement = Json::object();
+  for (const auto& move : decision.moves)
+    moves.push_back({{"robot", move.robot.str()}, {"from", move.from.str()}, {"to", move.to.str()}});
+  for (const auto& [robot, edge] : decision.edge_of) placement[robot.str()] = edge.str();
+  Json unknown = Json::array();
+  for (const RobotId& robot : decision.unknown) unknown.push_back(robot.str());
+  return {{"at_seconds", decision.at_s},
+          {"because", decision.because},
+          {"new_plan", decision.is_new_plan},
+          {"moves", moves},
+          {"placement", placement},
+          {"expected_seconds", decision.expected_s},
+          {"staying_seconds", decision.staying_s},
+          {"lower_bound_seconds", decision.lower_bound_s},
+          {"cut_weight", decision.cut_weight},
+          {"unknown", unknown},
+          {"algorithm_seconds", decision.algorithm_s}};
 }
 
 }  // namespace mapweave::runtime

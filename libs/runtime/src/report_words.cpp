@@ -65,22 +65,9 @@ std::string in_words(const RobotReport& robot) {
 
 std::string in_words(const CoordinationReport& report, const std::optional<Timeline>& timeline) {
   std::string text;
-  for (const tiers::CoordinatorDecision& decision : report.decisions) {
-    if (decision.moves.empty()) continue;
-    std::string because;
-    for (const std::string& why : decision.because) because += (because.empty() ? "" : ", ") + why;
-    text += format("coordinator at %.0f s (%s):", decision.at_s, because.c_str());
-    for (const auto& move : decision.moves)
-      text += format("%s %s to %s", &move == &decision.moves.front() ? "" : ",", move.robot.str().c_str(),
-                     move.to.empty() ? "itself, on board" : move.to.str().c_str());
-    if (decision.unknown.size() == decision.edge_of.size())
-      text += "; blindly, since no map and no route is known";
-    else if (!decision.unknown.empty())
-      text += format("; of %zu robots neither map nor route is known", decision.unknown.size());
-    text += format("; map expected complete after %.3g s", decision.expected_s);
-    if (decision.is_new_plan && decision.at_s > 0.0) text += format(" instead of %.3g s", decision.staying_s);
-    text += "\n";
-  }
+  for (const tiers::CoordinatorDecision& decision : report.decisions)
+    if (!decision.moves.empty())
+      text += format("coordinator at %.0f s ", decision.at_s) + runtime::in_words(decision) + "\n";
   if (timeline && !report.decisions.empty())
     text += format("coordinator: map expected complete after %.3g s, was complete after %.3g s\n",
                    report.decisions.back().expected_s, timeline->total_s);
@@ -88,6 +75,22 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
 }
 
 }  // namespace
+
+std::string in_words(const tiers::CoordinatorDecision& decision, const char* nowhere) {
+  std::string text, because;
+  for (const std::string& why : decision.because) because += (because.empty() ? "" : ", ") + why;
+  text += "(" + because + "):";
+  for (const auto& move : decision.moves)
+    text += format("%s %s to %s", &move == &decision.moves.front() ? "" : ",", move.robot.str().c_str(),
+                   move.to.empty() ? nowhere : move.to.str().c_str());
+  if (decision.unknown.size() == decision.edge_of.size())
+    text += "; blindly, since no map and no route is known";
+  else if (!decision.unknown.empty())
+    text += format("; of %zu robots neither map nor route is known", decision.unknown.size());
+  text += format("; map expected complete after %.3g s", decision.expected_s);
+  if (decision.is_new_plan && decision.at_s > 0.0) text += format(" instead of %.3g s", decision.staying_s);
+  return text;
+}
 
 // Where a map that was merged showed something twice.
 std::string in_words(const fusion::PairAudit& audit) {

@@ -359,7 +359,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins,
     const std::string where = "coordinator.model";
     plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model)
                      .lexically_normal();
-    scheduling::read_model(plan.model);  // says now what is wrong with it
+    if (logs == LogsAre::here) scheduling::read_model(plan.model);  // says now what is wrong with it
   }
   return plan;
 }

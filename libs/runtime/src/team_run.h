@@ -31,6 +31,8 @@ class TeamRun {
   // Where others mapped and merged, step by step: every robot of the plan; what edges send to the cloud, which seals;
   // then the folder. What the edges merged is made once more, from the robots' maps, to be drawn.
   void take_robots(std::vector<std::optional<RobotResult>> robots);
+  // Before that, where a coordinator has given robots to other edges than the configuration.
+  void place(const RunPlan& plan) { plan_ = plan; }
   MeteredCloud& cloud() { return cloud_; }
   Report conclude(fusion::FusionResult team, const std::vector<std::string>& notes);
 

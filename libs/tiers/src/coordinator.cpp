@@ -239,7 +239,7 @@ std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
     const Candidate plan = planned(latency, decision), stay = staying(latency);
     const bool is_first =
         std::all_of(edge_of_.begin(), edge_of_.end(), [](const auto& entry) { return entry.second.empty(); });
-    decision.is_new_plan = is_first || plan.seconds < stay.seconds * (1.0 - options_.hysteresis);
+    decision.is_new_plan = is_first || (!holds_ && plan.seconds < stay.seconds * (1.0 - options_.hysteresis));
     decision.staying_s = stay.seconds;
     decision.overlaps = overlaps_.overlaps();
     for (const RobotId& robot : robots)

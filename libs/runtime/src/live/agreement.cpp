@@ -24,8 +24,10 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
     refuse("cameras of robots that are programs of their own share nothing while they drive yet", "server.share",
            "set share: none");
   if (configuration.coordinator.method != Coordination::none)
-    refuse("a coordinator is not run as a program of its own yet", "coordinator.method",
-           "set method: none, and give each robot its edge");
+    for (const EdgeEntry& edge : configuration.edges)
+      if (!edge.broker.empty())
+        refuse("a coordinator gives robots to other edges, which have one broker for all", "edges.broker",
+               "leave edge " + edge.id + "'s broker out, or set coordinator.method: none");
   for (const PlannedRobot& robot : plan.robots) {
     if (robot.part)
       refuse("robot '" + robot.robot().str() + "' has several edges; robots that are programs of their own have one",

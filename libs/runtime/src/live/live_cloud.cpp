@@ -52,6 +52,8 @@ LiveCloud::State::State(const LiveSite& of, const RunSettings& how)
       settings(how),
       agreement(agreement_of(of.configuration)),
       began(now_ns()),
+      is_coordinated(of.configuration.coordinator.method != Coordination::none),
+      plan(of.plan),
       team(site.configuration, site.plan, settings, site.pool, site.progress),
       rounds(cloud_tier(), site.configuration.fusion) {
   for (const TierId& id : site.plan.edges) edges[id];
@@ -90,6 +92,7 @@ void LiveCloud::State::replay() {
 
 // What an edge that began anew says again counts once; that it has answered counts each time.
 bool LiveCloud::State::is_new(const Said& said) {
+  if (is_coordinated) return true;  // final_begin says what holds no longer
   if (said.bytes.empty() || is_of_preview(said.subject)) return true;
   return known.insert(Hasher().add(said.subject).add(said.bytes).finish()).second;
 }
@@ -175,12 +178,20 @@ void LiveCloud::State::step(Clock::time_point now) {
   if (!saving.empty()) counts.trouble = saving;
 }
 
+bool LiveCloud::State::is_needed(const TierId& edge) const {
+  return !is_coordinated || (newest_plan.number > 0 && !newest_plan.members(edge).empty());
+}
+
+bool LiveCloud::State::has_its_finals(const TierId& id, const Edge& edge) const {
+  return edge.has_fused && (!is_coordinated || edge.members == newest_plan.members(id));
+}
+
 void LiveCloud::State::say_who_is_missing() const {
   if (counts.is_done) return;
   for (const auto& [name, edge] : edges) {
     const bool is_here = std::any_of(
         links.begin(), links.end(), [&edge = edge](const Link& link) { return link.edge == &edge && !link.is_closed; });
-    if (!is_here && !edge.has_fused)
+    if (!is_here && is_needed(name) && !has_its_finals(name, edge))
       log(LogLevel::warning, "the cloud waits for edge " + name.str() + ": it is not on the wire");
   }
 }
@@ -225,6 +236,15 @@ void LiveCloud::serve(std::shared_ptr<transport::Channel> edge) {
   link.wire->use(std::move(edge));
 }
 
+void LiveCloud::follow(const LivePlan& plan) {
+  State& state = *state_;
+  const std::lock_guard lock(state.mutex);
+  if (plan.number <= state.newest_plan.number || (plan.is_done && state.newest_plan.number == 0)) return;
+  state.newest_plan = plan;
+  state.has_new_plan = true;
+  state.changed.notify_all();
+}
+
 void LiveCloud::seal_now() {
   const std::lock_guard lock(state_->mutex);
   state_->seals_now = true;
@@ -247,6 +267,7 @@ LiveCloudCounts LiveCloud::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);
   LiveCloudCounts counts = state.counts;
+  counts.plan = state.newest_plan.number;
   for (const State::Link& link : state.links) {
     counts.unreadable += link.wire->counts().unreadable;
     counts.again += link.wire->counts().again;
@@ -255,8 +276,8 @@ LiveCloudCounts LiveCloud::counts() const {
     const bool is_on_wire =
         std::any_of(state.links.begin(), state.links.end(),
                     [&edge = edge](const State::Link& link) { return link.edge == &edge && !link.is_closed; });
-    counts.edges.push_back({name, edge.taken, edge.stored, is_on_wire, edge.has_fused, edge.has_all, edge.runs,
-                            seconds_since(edge.received_at)});
+    counts.edges.push_back({name, edge.taken, edge.stored, is_on_wire, state.has_its_finals(name, edge), edge.has_all,
+                            edge.runs, seconds_since(edge.received_at), state.is_needed(name)});
   }
   return counts;
 }

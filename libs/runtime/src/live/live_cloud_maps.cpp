@@ -17,12 +17,13 @@ void LiveCloud::State::merge() {
   auto next = Clock::now() + period;
   std::unique_lock lock(mutex);
   const auto has_work = [&] {
-    return ends || (seals_now && phase == Phase::collecting) ||
+    return ends || has_new_plan || (seals_now && phase == Phase::collecting) ||
            std::any_of(edges.begin(), edges.end(), [](const auto& e) { return !e.second.said.empty(); });
   };
   while (!ends && phase != Phase::done) {
     changed.wait_until(lock, next, has_work);
     if (ends) return;
+    has_new_plan = false;
     lock.unlock();
     try {
       take_said();
@@ -53,7 +54,7 @@ void LiveCloud::State::take_said() {
     if (is_forgotten) {
       edge.news = {};
       for (const PlannedRobot& robot : site.plan.robots)
-        if (robot.edge == id) rounds.forget(MapId(robot.id.str()));
+        if (robot.edge == id && !is_coordinated) rounds.forget(MapId(robot.id.str()));
     }
     for (Said& one : said) {
       try {
@@ -67,8 +68,37 @@ void LiveCloud::State::take_said() {
   }
 }
 
+void LiveCloud::State::begin_finals(const TierId& id, Edge& edge, const std::string& names) {
+  std::vector<RobotId> members;
+  for (const PlannedRobot& robot : plan.robots)
+    if (("\n" + names).find("\n" + robot.id.str() + "\n") != std::string::npos) members.push_back(robot.id);
+  if (static_cast<std::size_t>(std::count(names.begin(), names.end(), '\n')) != members.size())
+    throw Error(ErrorCode::kBadInput, "it has robots that the configuration does not have", "edge " + id.str());
+  for (const RobotId& robot : members) {
+    maps.erase(robot);
+    records.erase(robot);
+  }
+  edge.finals.clear();
+  const std::lock_guard lock(mutex);
+  edge.members = std::move(members);
+  edge.has_fused = false;
+}
+
+// Of an edge that merges anew because it was given other robots. False: it is something else.
+bool LiveCloud::State::take_final(const TierId& id, Edge& edge, Said& said) {
+  if (said.subject == subject::kFinalBegin && is_coordinated) {
+    edge.is_late = phase != Phase::collecting;
+    if (!edge.is_late) begin_finals(id, edge, said.bytes);
+    return true;
+  }
+  if (!edge.is_late) return false;
+  edge.is_late = said.subject != subject::kFused;
+  return true;
+}
+
 void LiveCloud::State::take(const TierId& id, Edge& edge, Said said) {
   const std::string& what = said.subject;
+  if (take_final(id, edge, said)) return;
   if (what == subject::kPreviewUpdate) {
     edge.news.updates.push_back(std::move(said.bytes));
   } else if (what == subject::kPreviewMerged) {
@@ -80,7 +110,7 @@ void LiveCloud::State::take(const TierId& id, Edge& edge, Said said) {
   } else if (what == subject::kFinalUpdate || what == subject::kMerged) {
     edge.finals.emplace_back(what, std::move(said.bytes));
   } else if (what == subject::kRobotMap || what == subject::kRobotReport) {
-    take_robot(id, said);
+    take_robot(id, edge, said);
   } else if (what == subject::kFused) {
     const std::lock_guard lock(mutex);
     edge.has_fused = true;
@@ -105,13 +135,15 @@ bool is_map_of(const MapId& map, const RobotId& robot) {
 
 }  // namespace
 
-void LiveCloud::State::take_robot(const TierId& id, const Said& said) {
+void LiveCloud::State::take_robot(const TierId& id, const Edge& edge, const Said& said) {
   const std::string where = "edge " + id.str();
   const auto expect_its = [&](const RobotId& robot) {
     const auto planned = std::find_if(site.plan.robots.begin(), site.plan.robots.end(),
                                       [&](const PlannedRobot& one) { return one.id == robot; });
-    if (planned == site.plan.robots.end() || planned->edge != id)
-      throw Error(ErrorCode::kBadInput, "robot '" + robot.str() + "' is not its own", where);
+    const bool is_its = is_coordinated
+                            ? std::find(edge.members.begin(), edge.members.end(), robot) != edge.members.end()
+                            : planned != site.plan.robots.end() && planned->edge == id;
+    if (!is_its) throw Error(ErrorCode::kBadInput, "robot '" + robot.str() + "' is not its own", where);
   };
   if (said.subject == subject::kRobotReport) {
     RobotRecord record = decode_robot_record(said.bytes, where);
@@ -177,6 +209,7 @@ bool LiveCloud::State::have_answered(bool Edge::*answer) {
 void LiveCloud::State::give_finals() {
   for (auto& [id, edge] : edges)
     for (const auto& [what, bytes] : std::exchange(edge.finals, {})) try {
+        if (gone.count(id) != 0) break;
         if (what == subject::kMerged)
           team.cloud().receive_merged(bytes, "edge " + id.str());
         else
@@ -190,7 +223,7 @@ void LiveCloud::State::give_finals() {
 
 std::vector<std::optional<RobotResult>> LiveCloud::State::robots() {
   std::vector<std::optional<RobotResult>> results;
-  for (const PlannedRobot& robot : site.plan.robots) {
+  for (const PlannedRobot& robot : plan.robots) {
     const auto record = records.find(robot.id);
     std::vector<Map> own;
     if (const auto found = maps.find(robot.id); found != maps.end())
@@ -214,7 +247,10 @@ bool LiveCloud::State::advance() {
   bool has_all = true, is_forced = false;
   {
     const std::lock_guard lock(mutex);
-    for (const auto& entry : edges) has_all = has_all && entry.second.has_fused;
+    if (is_coordinated)
+      has_all = newest_plan.is_final && std::none_of(newest_plan.edge_of.begin(), newest_plan.edge_of.end(),
+                                                     [](const auto& place) { return place.second.empty(); });
+    for (const auto& [id, edge] : edges) has_all = has_all && (!is_needed(id) || has_its_finals(id, edge));
     is_forced = seals_now;
   }
   switch (phase) {
@@ -244,8 +280,15 @@ void LiveCloud::State::begin_sealing() {
     const std::lock_guard lock(mutex);
     counts.is_sealing = true;
     for (const auto& [id, edge] : edges)
-      if (edge.has_fused) fused.insert(id);
+      if (edge.has_fused && (!is_coordinated || has_its_finals(id, edge))) fused.insert(id);
+    if (is_coordinated)
+      for (PlannedRobot& robot : plan.robots)
+        if (const auto edge = newest_plan.edge_of.find(robot.id); edge != newest_plan.edge_of.end())
+          robot.edge = edge->second;
   }
+  for (const auto& entry : edges)
+    if (fused.count(entry.first) == 0 && is_coordinated) gone.insert(entry.first);
+  team.place(plan);
   site.progress.say("the cloud: all maps are here; it merges them");
   give_finals();
   team.take_robots(robots());

@@ -26,13 +26,14 @@ struct LiveCloud::State {
     std::uint64_t taken = 0, stored = 0, runs = 0;
     std::vector<std::pair<std::string, std::string>> requests;  // all: an edge that begins anew gets them again
     bool has_fused = false, has_all = false;
-    std::deque<Said> said;      // for the merging thread
-    bool is_forgotten = false;  // of its previews nothing counts any more
+    std::vector<RobotId> members;  // whose final maps it sends, by its own word; with a coordinator
+    std::deque<Said> said;         // for the merging thread
+    bool is_forgotten = false;     // of its previews nothing counts any more
     std::optional<Clock::time_point> received_at;
     // Of the merging thread.
     tiers::RoundNews news;
-    std::vector<std::pair<std::string, std::string>> finals;  // not given to the merger yet
-    bool has_judged = false, sent_whole = false;
+    std::vector<std::pair<std::string, std::string>> finals;       // not given to the merger yet
+    bool has_judged = false, sent_whole = false, is_late = false;  // is_late: what it sends is no longer awaited
   };
   struct Link {
     std::optional<NumberedWire> wire;
@@ -46,6 +47,7 @@ struct LiveCloud::State {
   const RunSettings settings;
   const Hash agreement;
   const std::int64_t began;
+  const bool is_coordinated;
 
   mutable std::mutex mutex;
   const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
@@ -55,7 +57,9 @@ struct LiveCloud::State {
   LiveCloudCounts counts;
   std::shared_ptr<const LivePreview> shown;  // where the site keeps previews
   std::set<Hash> known;                      // what came already, whatever its number
-  bool seals_now = false, ends = false;
+  LivePlan newest_plan;                      // number 0: none came
+  RunPlan plan;                              // with the edges that it named
+  bool has_new_plan = false, seals_now = false, ends = false;
   std::optional<Report> report;
   std::exception_ptr trouble;
 
@@ -77,6 +81,7 @@ struct LiveCloud::State {
   fusion::FusionResult sealed;
   std::vector<std::string> notes;
   std::set<TierId> asked;  // of them an answer is awaited
+  std::set<TierId> gone;   // what they merged does not count: their robots are elsewhere
   tiers::RoundMerger rounds;
 
   std::thread speaker, merger;
@@ -93,12 +98,16 @@ struct LiveCloud::State {
   bool is_new(const Said& said);
   void say_requests(Link& link);
   void say_who_is_missing() const;
+  bool is_needed(const TierId& edge) const;
+  bool has_its_finals(const TierId& id, const Edge& edge) const;
 
   // --- Merging.
   void merge();
   void take_said();
   void take(const TierId& id, Edge& edge, Said said);
-  void take_robot(const TierId& id, const Said& said);
+  void take_robot(const TierId& id, const Edge& edge, const Said& said);
+  bool take_final(const TierId& id, Edge& edge, Said& said);
+  void begin_finals(const TierId& id, Edge& edge, const std::string& names);
   void preview();
   bool advance();
   void begin_sealing();

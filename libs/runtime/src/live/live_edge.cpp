@@ -22,15 +22,24 @@ std::int64_t now_ns() {
 }  // namespace
 
 LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
-    : edge(id), site(of), to_cloud(std::move(connect)), agreement(agreement_of(of.configuration)), began(now_ns()) {
-  for (const PlannedRobot& planned : site.plan.robots)
-    if (planned.edge == edge) robots[planned.id].planned = &planned;
-  if (robots.empty()) {
-    std::string names;
-    for (const TierId& one : site.plan.edges) names += (names.empty() ? "" : ", ") + one.str();
+    : edge(id),
+      site(of),
+      to_cloud(std::move(connect)),
+      agreement(agreement_of(of.configuration)),
+      began(now_ns()),
+      is_coordinated(of.configuration.coordinator.method != Coordination::none) {
+  std::string names;
+  for (const TierId& one : site.plan.edges) names += (names.empty() ? "" : ", ") + one.str();
+  const bool is_known = std::find(site.plan.edges.begin(), site.plan.edges.end(), edge) != site.plan.edges.end();
+  for (const PlannedRobot& planned : site.plan.robots) {
+    if (planned.edge != edge && !(is_coordinated && is_known)) continue;
+    Robot& robot = robots[planned.id];
+    robot.planned = &planned;
+    robot.is_member = planned.edge == edge;
+  }
+  if (robots.empty())
     throw Error(ErrorCode::kBadInput, "no robot has the edge '" + edge.str() + "'", {},
                 "the edges of this configuration are: " + names);
-  }
   if (site.journal) journal.emplace(*site.journal);
   for (auto& [name, robot] : robots) robot.record.robot = name;
   cloud.emplace(SessionId{{RobotId(edge.str()), SensorId(kEdge)}, began}, agreement, "the cloud", site.options.wire,
@@ -40,7 +49,6 @@ LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
                             requests.push_back(std::move(said));
                           },
                           [this] { begin_anew_with_cloud(); }});
-  for (auto& [name, robot] : robots) robot.mapper = std::thread([this, &robot = robot] { map(robot); });
   speaker = std::thread([this] { speak(); });
   merger = std::thread([this] { merge(); });
 }
@@ -53,7 +61,8 @@ LiveEdge::State::~State() {
   }
   speaker.join();
   merger.join();
-  for (auto& [name, robot] : robots) robot.mapper.join();
+  for (auto& [name, robot] : robots)
+    if (robot.mapper.joinable()) robot.mapper.join();
   if (saver) saver->finish();
 }
 
@@ -99,6 +108,7 @@ void LiveEdge::State::replay() {
 void LiveEdge::State::keep(Robot& robot, Sensed sensed, std::size_t bytes) {
   robot.queue_bytes += bytes;
   robot.queue.emplace_back(std::move(sensed), bytes);
+  if (!robot.mapper.joinable()) robot.mapper = std::thread([this, &robot] { map(robot); });
   changed.notify_all();
 }
 
@@ -190,12 +200,41 @@ void LiveEdge::State::step_cloud(std::unique_lock<std::mutex>& lock, Clock::time
   if (cloud->is_open() && cloud->is_dead(now)) cloud->close();  // the next one may get through
 }
 
+// What it merged for good holds no longer where it has other robots now.
+void LiveEdge::State::take(const LivePlan& news) {
+  const std::lock_guard lock(mutex);
+  if (news.number <= plan.number || (news.is_done && plan.number == 0)) return;
+  const std::vector<RobotId> before = members();
+  plan = news;
+  counts.is_done = counts.is_done || plan.is_done;
+  for (auto& [name, robot] : robots) {
+    const auto place = plan.edge_of.find(name);
+    if (place != plan.edge_of.end()) robot.is_member = place->second == edge;
+  }
+  changed.notify_all();
+  const std::vector<RobotId> now = members();
+  if (now == before) return;
+  std::string names;
+  for (const RobotId& robot : now) names += (names.empty() ? "" : ", ") + robot.str();
+  log(LogLevel::info, "edge " + edge.str() + ": its robots are now " + (names.empty() ? "none" : names) + " (plan " +
+                          std::to_string(plan.number) + ")");
+  counts.is_fused = false;
+  finals.clear();
+}
+
+std::vector<RobotId> LiveEdge::State::members() const {
+  std::vector<RobotId> names;
+  for (const auto& [name, robot] : robots)
+    if (robot.is_member) names.push_back(name);
+  return names;
+}
+
 void LiveEdge::State::say_who_is_missing() const {
   for (const auto& [name, robot] : robots) {
     const bool is_here = std::any_of(links.begin(), links.end(), [&robot = robot](const Link& link) {
       return link.robot == &robot && !link.is_closed;
     });
-    if (!is_here && !robot.has_ended)
+    if (!is_here && !robot.has_ended && robot.is_member)
       log(LogLevel::warning, "edge " + edge.str() + " waits for robot " + name.str() + ": it is not on the wire");
   }
   if (!cloud->is_welcome() && !counts.is_done)
@@ -241,6 +280,16 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
   link.wire->use(std::move(robot));
 }
 
+void LiveEdge::follow(const LivePlan& plan) { state_->take(plan); }
+
+std::vector<std::string> LiveEdge::map_reports() const {
+  const std::lock_guard lock(state_->mutex);
+  std::vector<std::string> reports;
+  for (const auto& [name, robot] : state_->robots)
+    if (robot.is_member && !robot.map_report.empty()) reports.push_back(robot.map_report);
+  return reports;
+}
+
 std::shared_ptr<const LivePreview> LiveEdge::preview() const {
   const std::lock_guard lock(state_->mutex);
   return state_->shown;
@@ -250,6 +299,8 @@ LiveEdgeCounts LiveEdge::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);
   LiveEdgeCounts counts = state.counts;
+  counts.plan = state.plan.number;
+  counts.bytes_per_s = state.cloud->bytes_per_s();
   counts.waiting_bytes = state.cloud->waiting_bytes();
   counts.is_cloud_on_wire = state.cloud->is_open() && state.cloud->is_welcome();
   if (state.cloud->other()) counts.cloud_silent_s = state.cloud->silent_s(Clock::now());
@@ -258,6 +309,7 @@ LiveEdgeCounts LiveEdge::counts() const {
     counts.again += link.wire->counts().again;
   }
   for (const auto& [name, robot] : state.robots) {
+    if (!robot.is_member && !robot.session) continue;
     LiveEdgeCounts::Robot& one = counts.robots.emplace_back();
     one.id = name;
     one.taken = robot.taken;
@@ -267,6 +319,7 @@ LiveEdgeCounts LiveEdge::counts() const {
     one.lost_scans = robot.lost_scans;
     one.queue_bytes = robot.queue_bytes;
     one.has_ended = robot.has_ended;
+    one.is_member = robot.is_member;
     one.silent_s = seconds_since(robot.received_at);
     one.is_on_wire = std::any_of(state.links.begin(), state.links.end(), [&robot = robot](const State::Link& link) {
       return link.robot == &robot && !link.is_closed;

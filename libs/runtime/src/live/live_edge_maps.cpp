@@ -3,8 +3,10 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/laser/engines.h>
+#include <mapweave/maps/coordination.h>
 #include <mapweave/runtime/merge_requests.h>
 #include <mapweave/runtime/metrics.h>
+#include <mapweave/scheduling/overlap_estimate.h>
 #include <mapweave/tiers/subjects.h>
 
 #include <algorithm>
@@ -25,6 +27,7 @@ void LiveEdge::State::map(Robot& robot) {
     const bool is_scan = std::holds_alternative<PackedScan>(sensed.body),
                is_lost = std::holds_alternative<LostScan>(sensed.body);
     std::optional<tiers::RobotOutcome> outcome;
+    const Clock::time_point before = Clock::now();
     if (!robot.has_outcome) try {  // else its report is on its way: nothing changes it
         if (robot.began == Clock::time_point{}) begin(robot, session, std::holds_alternative<MappedPart>(sensed.body));
         outcome = step(robot, std::move(sensed), bytes);
@@ -40,6 +43,7 @@ void LiveEdge::State::map(Robot& robot) {
     robot.queue_bytes -= bytes;
     ++robot.mapped;
     robot.scans += is_scan ? 1 : 0;
+    if (is_scan) counts.mapping_s += std::chrono::duration<double>(Clock::now() - before).count();
     robot.lost_scans += is_lost ? 1 : 0;
     if (outcome) {
       robot.outcome = std::move(outcome);
@@ -126,8 +130,10 @@ void LiveEdge::State::complete(Robot& robot, const tiers::RobotOutcome& outcome)
     record.notes.push_back("robot " + robot.planned->id.str() + ": " + note);
 }
 
-bool LiveEdge::State::have_all_ended() const {
-  return std::all_of(robots.begin(), robots.end(), [](const auto& entry) { return entry.second.has_ended; });
+bool LiveEdge::State::is_due_to_fuse() const {
+  if (counts.is_fused || (is_coordinated && (!plan.is_final || plan.members(edge).empty()))) return false;
+  return std::all_of(robots.begin(), robots.end(),
+                     [](const auto& entry) { return entry.second.has_ended || !entry.second.is_member; });
 }
 
 void LiveEdge::State::merge() {
@@ -136,16 +142,17 @@ void LiveEdge::State::merge() {
   auto next = Clock::now() + period;
   std::unique_lock lock(mutex);
   while (!ends) {
-    changed.wait_until(lock, next, [&] {
-      return ends || (have_all_ended() && !counts.is_fused) || (counts.is_fused && !requests.empty());
-    });
+    const auto may_answer = [&] {
+      return !requests.empty() && (counts.is_fused || members().empty() || requests.back().subject == subject::kDone);
+    };
+    changed.wait_until(lock, next, [&] { return ends || is_due_to_fuse() || may_answer(); });
     if (ends) return;
     try {
-      if (have_all_ended() && !counts.is_fused) {
+      if (is_due_to_fuse()) {
         lock.unlock();
         fuse_all();
         lock.lock();
-      } else if (counts.is_fused && !requests.empty()) {
+      } else if (may_answer()) {
         const Said request = std::move(requests.front());
         requests.pop_front();
         lock.unlock();
@@ -182,6 +189,10 @@ std::vector<fusion::MapPrior> LiveEdge::State::priors(const std::vector<const Ma
 // Of robots whose instance has time to say.
 void LiveEdge::State::read_parts() {
   for (auto& [name, robot] : robots) {
+    {
+      const std::lock_guard lock(mutex);
+      if (!robot.is_member) continue;
+    }
     Map part;
     {
       const std::unique_lock lock(robot.slam_mutex, std::try_to_lock);
@@ -195,17 +206,49 @@ void LiveEdge::State::read_parts() {
   }
 }
 
+// What the coordinator is to know of them.
+void LiveEdge::State::report_maps() {
+  for (auto& [name, robot] : robots) {
+    const Map* map = nullptr;
+    std::uint64_t scans = 0;
+    bool has_ended = false;
+    {
+      const std::lock_guard lock(mutex);
+      if (!robot.is_member || robot.has_reported_end) continue;
+      scans = robot.scans;
+      has_ended = robot.has_ended;
+      if (has_ended && robot.outcome && robot.outcome->map) map = &*robot.outcome->map;
+    }
+    const auto part = parts.find(name);
+    if (map == nullptr && part != parts.end()) map = &part->second;
+    robot.has_reported_end = has_ended;
+    if (map == nullptr || (map->nodes.size() == robot.reported_nodes && !has_ended)) continue;
+    robot.reported_nodes = map->nodes.size();
+    std::string report = encode(CoordinatorEvent(MapReport{name, scans, scheduling::summary_of(*map)}));
+    const std::lock_guard lock(mutex);
+    robot.map_report = std::move(report);
+  }
+}
+
 void LiveEdge::State::preview() {
   bool is_anew = false;
+  std::vector<RobotId> gone;
   {
     const std::lock_guard lock(mutex);
     is_anew = std::exchange(begins_rounds, false);
+    for (const auto& entry : parts)
+      if (!robots.at(entry.first).is_member) gone.push_back(entry.first);
   }
   if (!rounds || is_anew) {
     rounds.emplace(edge, site.configuration.fusion);
     is_anew = true;
   }
+  for (const RobotId& robot : gone) {
+    parts.erase(robot);
+    rounds->forget(MapId(robot.str()));
+  }
   read_parts();
+  if (is_coordinated) report_maps();
   std::vector<const Map*> maps;
   for (const auto& [name, part] : parts) {
     rounds->put(part);
@@ -242,27 +285,30 @@ void LiveEdge::State::say(const std::string& subject, std::string bytes) {
   changed.notify_all();
 }
 
-void LiveEdge::State::fuse_all() {
-  site.progress.say("edge " + edge.str() + ": all of its robots have ended; it merges their maps");
-  std::vector<RobotId> members;
+// What the cloud gets of them, in order.
+std::vector<std::pair<std::string, std::string>> LiveEdge::State::fused(const std::vector<RobotId>& members) {
   std::vector<const Map*> maps;
   std::set<std::pair<MapId, MapId>> refused;
-  for (const auto& [name, robot] : robots) {
-    members.push_back(name);
-    if (robot.outcome->map) maps.push_back(&*robot.outcome->map);
+  std::string names;
+  for (const RobotId& name : members) {
+    names += name.str() + "\n";
+    if (const auto& outcome = robots.at(name).outcome; outcome->map) maps.push_back(&*outcome->map);
   }
   for (const auto& [a, b] : site.plan.refused) refused.insert(std::minmax(MapId(a.str()), MapId(b.str())));
   server.emplace(edge, members, site.configuration.fusion, site.configuration.cloud.maps);
   server->set_priors(priors(maps));
   server->set_refused(std::move(refused));
   std::vector<std::pair<std::string, std::string>> made;
-  for (auto& [name, robot] : robots) {
+  if (is_coordinated) made.emplace_back(subject::kFinalBegin, names);
+  for (const RobotId& name : members) {
+    Robot& robot = robots.at(name);
     tiers::EdgeServer::Effects effects = server->step(*robot.outcome, site.pool, site.progress);
     robot.record.map_bytes = effects.map_bytes;
     for (std::string& update : effects.for_cloud) made.emplace_back(subject::kFinalUpdate, std::move(update));
     for (std::string& merged : effects.merged) made.emplace_back(subject::kMerged, std::move(merged));
   }
-  for (auto& [name, robot] : robots) {
+  for (const RobotId& name : members) {
+    Robot& robot = robots.at(name);
     std::vector<const Map*> own;
     if (robot.record.has_laser_map) {  // the cloud puts them together as well, and shows those of cameras
       for (const Map& map : robot.on_board.maps) own.push_back(&map);
@@ -272,10 +318,22 @@ void LiveEdge::State::fuse_all() {
     }
     for (const Map* map : own) made.emplace_back(subject::kRobotMap, tiers::first_update(*map, edge));
     made.emplace_back(subject::kRobotReport, encode(robot.record));
-    robot.outcome.reset();  // the server has it
+    if (!is_coordinated) robot.outcome.reset();  // the server has it; else it may have to merge anew
   }
   made.emplace_back(subject::kFused, "");
+  return made;
+}
+
+void LiveEdge::State::fuse_all() {
+  site.progress.say("edge " + edge.str() + ": all of its robots have ended; it merges their maps");
+  std::vector<RobotId> of;
+  {
+    const std::lock_guard lock(mutex);
+    of = members();
+  }
+  std::vector<std::pair<std::string, std::string>> made = fused(of);
   const std::lock_guard lock(mutex);
+  if (members() != of) return;  // it has other robots by now
   for (auto& [subject, bytes] : made) cloud->append(subject, bytes);
   finals = std::move(made);
   counts.is_fused = true;
@@ -287,6 +345,8 @@ void LiveEdge::State::answer(const Said& request) {
     const std::lock_guard lock(mutex);
     counts.is_done = true;
     changed.notify_all();
+  } else if (!server) {
+    log(LogLevel::warning, "edge " + edge.str() + " cannot answer the cloud: it has merged nothing");
   } else if (request.subject == subject::kJudgeMap) {
     if (request.bytes.empty())
       task = {};  // a task begins

@@ -29,7 +29,8 @@ struct LiveEdge::State {
     std::deque<std::pair<Sensed, std::size_t>> queue;  // with their bytes
     std::size_t queue_bytes = 0;
     std::optional<tiers::RobotOutcome> outcome;
-    bool has_ended = false;
+    bool has_ended = false, is_member = false;
+    std::string map_report;  // the last one, encoded; empty: none yet
     std::optional<Clock::time_point> received_at;
     // Of its thread, but for `slam` and `on_board` under slam_mutex.
     std::mutex slam_mutex;
@@ -39,6 +40,8 @@ struct LiveEdge::State {
     std::optional<Stamp> first_scan, last_scan;
     Clock::time_point began{};
     bool has_outcome = false;
+    std::size_t reported_nodes = 0;  // of the merging thread; of its map in map_report
+    bool has_reported_end = false;
     std::thread mapper;
   };
   struct Link {
@@ -58,6 +61,8 @@ struct LiveEdge::State {
   std::condition_variable& changed = *woken;  // channels may outlive the edge
   std::map<RobotId, Robot> robots;
   std::list<Link> links;
+  const bool is_coordinated;
+  LivePlan plan;  // the newest; number 0: none came
   std::optional<NumberedWire> cloud;
   LiveEdgeCounts counts;
   std::shared_ptr<const LivePreview> shown;                 // where the site keeps previews
@@ -72,7 +77,7 @@ struct LiveEdge::State {
   std::optional<JournalSaver> saver;
 
   // Of the merging thread.
-  std::map<RobotId, Map> parts;  // maps so far
+  std::map<RobotId, Map> parts;  // maps so far, of members
   std::optional<tiers::RoundMerger> rounds;
   std::optional<tiers::EdgeServer> server;
   tiers::JudgingTask task;
@@ -102,10 +107,14 @@ struct LiveEdge::State {
   void merge();
   void preview();
   void read_parts();
+  void report_maps();
   void fuse_all();
+  std::vector<std::pair<std::string, std::string>> fused(const std::vector<RobotId>& members);
+  std::vector<RobotId> members() const;  // under `mutex`
+  void take(const LivePlan& news);
+  bool is_due_to_fuse() const;  // under `mutex`
   void answer(const Said& request);
   void say(const std::string& subject, std::string bytes);
-  bool have_all_ended() const;
   std::vector<fusion::MapPrior> priors(const std::vector<const Map*>& maps) const;
 };
 

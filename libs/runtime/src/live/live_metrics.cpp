@@ -45,15 +45,23 @@ constexpr Metric kOfTier[] = {
     {"lost_scans", "Scans there was no room for.", true},
     {"messages", "Messages said.", true},
     {"confirmed", "Messages that the edge has stored.", true},
-    {"sent_bytes", "Bytes sent, repetitions too.", true}};
+    {"sent_bytes", "Bytes sent, repetitions too.", true},
+    {"moves", "Of a robot: how often it was given to another edge; of the coordinator: all of them.", true},
+    {"mapping_seconds", "Wall time in which scans were mapped, of all robots.", true},
+    {"decisions", "Decisions of the coordinator.", true},
+    {"expected_seconds", "Until the team's map would be there, as the coordinator expects.", false},
+    {"plan", "Number of the coordinator's plan that is followed, or of the coordinator its own.", false}};
 
-constexpr Metric kOfLink[] = {{"taken", "Messages that came, in order.", true},
-                              {"stored", "Messages that cannot be lost any more.", true},
-                              {"begun", "How often the other end began.", true},
-                              {"mapped", "Messages that the mapper has taken.", true},
-                              {"scans", "Scans mapped.", true},
-                              {"lost_scans", "Scans that the robot had no room for.", true},
-                              {"queue_bytes", "Bytes that wait to be mapped.", false}};
+constexpr Metric kOfLink[] = {
+    {"taken", "Messages that came, in order.", true},
+    {"stored", "Messages that cannot be lost any more.", true},
+    {"begun", "How often the other end began.", true},
+    {"mapped", "Messages that the mapper has taken.", true},
+    {"scans", "Scans mapped.", true},
+    {"lost_scans", "Scans that the robot had no room for.", true},
+    {"queue_bytes", "Bytes that wait to be mapped.", false},
+    {"speed", "Of an edge's processor, as the coordinator counts it.", false},
+    {"bytes_per_second", "What the way to the other end carried when it was measured.", false}};
 
 class MetricsText {
  public:

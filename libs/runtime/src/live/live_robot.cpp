@@ -43,25 +43,34 @@ struct LiveRobot::State {
   const PlannedRobot robot;
   const RunConfiguration& configuration;
   const LiveOptions options;
-  const Connect connect;
+  const ConnectToEdge connect;
   const SensorId sensor;
+  const bool is_coordinated;
 
   mutable std::mutex mutex;
   const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
   std::condition_variable& changed = *woken;  // channels may outlive the robot
   std::optional<NumberedWire> wire;           // once it is known which run this is
+  std::optional<std::int64_t> run;
+  TierId edge;                    // of the wire
+  std::uint64_t plan = 0;         // that it follows
+  bool is_released = false;       // by the coordinator
+  std::uint64_t sensed = 0;       // records, the most that were ever read
+  std::uint64_t sent_before = 0;  // bytes, to edges before
   LiveRobotCounts counts;
   bool begins_again = false, ends = false;
   std::atomic<bool> gives_up{false};
   std::vector<Sensed> mapped;  // of the reader: what it mapped on board, to be said
   std::thread reader, speaker;
 
-  State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, Connect to_edge)
+  State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, ConnectToEdge to_edge)
       : robot(planned),
         configuration(configuration_of(all, planned)),
         options(live),
         connect(std::move(to_edge)),
         sensor(sensor_of(planned)),
+        is_coordinated(all.coordinator.method != Coordination::none),
+        edge(planned.edge),
         agreement(agreement_of(all)) {}
   const Hash agreement;
 
@@ -72,6 +81,11 @@ struct LiveRobot::State {
   bool wait_until_due(Stamp stamp, Anchor& anchor);
   bool say(Sensed message);
   void begin(Stamp first);
+  void open_wire();
+  void follow(const LivePlan& plan);
+  void hurry(std::unique_lock<std::mutex>& lock);
+  bool ends_here() const { return ends && counts.records >= sensed; }  // what was sensed is said in any case
+  bool is_done() const { return counts.is_read && wire->is_all_confirmed() && (is_released || !is_coordinated); }
   void pace(const Sensed& message, Anchor& anchor);
   void speak();
   std::optional<Error> play_records(tiers::RobotAgent& agent, UnitNotes& units);
@@ -81,19 +95,57 @@ struct LiveRobot::State {
 void LiveRobot::State::begin(Stamp first) {
   const std::lock_guard lock(mutex);
   if (wire) return;
-  wire.emplace(SessionId{{robot.id, sensor}, first.ns}, agreement, "edge " + robot.edge.str(), options.wire,
+  run = first.ns;
+  open_wire();
+}
+
+void LiveRobot::State::open_wire() {
+  if (wire) {
+    wire->close();
+    sent_before += wire->counts().sent_bytes;
+  }
+  wire.emplace(SessionId{{robot.id, sensor}, *run}, agreement, "edge " + edge.str(), options.wire,
                WireHooks{[](const Hello&) { return std::uint64_t{0}; }, [](const Said&) {},
                          [this] {
                            wire->begin_anew({{robot.id, sensor}, wire->self().run});
                            begins_again = true;
+                           counts.is_read = false;
                            changed.notify_all();
                          }});
   changed.notify_all();
 }
 
+void LiveRobot::State::follow(const LivePlan& news) {
+  const std::lock_guard lock(mutex);
+  if (news.number <= plan) return;
+  // A deployment before this one ended with the first plan that this robot sees.
+  if (news.is_done && plan == 0) return;
+  plan = news.number;
+  is_released = news.is_done;
+  changed.notify_all();
+  const auto place = news.edge_of.find(robot.id);
+  if (place == news.edge_of.end() || place->second == edge) return;
+  log(LogLevel::info,
+      "robot " + robot.id.str() + (edge.empty() ? "" : " leaves edge " + edge.str()) +
+          (place->second.empty() ? "; no edge has room for it" : "; it goes to edge " + place->second.str()) +
+          " (plan " + std::to_string(plan) + ")");
+  counts.moves += edge.empty() ? 0 : 1;
+  edge = place->second;
+  if (!wire) return;
+  open_wire();
+  begins_again = true;
+  counts.is_read = false;
+}
+
+// What was sensed before is read again as fast as the edge takes it.
+void LiveRobot::State::hurry(std::unique_lock<std::mutex>& lock) {
+  changed.wait(lock, [&] { return begins_again || gives_up || wire->waiting_bytes() < kReadAhead; });
+}
+
 // As it was sensed: what the edge has is passed over at once.
 void LiveRobot::State::pace(const Sensed& message, Anchor& anchor) {
   std::unique_lock lock(mutex);
+  if (counts.records < sensed) return hurry(lock);
   const auto must_stop = [&] { return begins_again || ends || gives_up; };
   if (options.speed > 0.0) {
     if (message.sequence <= wire->confirmed() || !anchor) {
@@ -111,9 +163,9 @@ bool LiveRobot::State::say(Sensed message) {
   const std::lock_guard lock(mutex);
   if (begins_again || gives_up) return false;
   const bool is_scan = std::holds_alternative<PackedScan>(message.body);
-  if (is_scan && wire->waiting_bytes() >= options.robot_buffer_bytes()) {
+  if (is_scan && counts.records >= sensed && wire->waiting_bytes() >= options.robot_buffer_bytes()) {
     if (counts.lost_scans++ == 0)
-      log(LogLevel::warning, "robot " + robot.id.str() + ": edge " + robot.edge.str() + " has not taken " +
+      log(LogLevel::warning, "robot " + robot.id.str() + ": edge " + edge.str() + " has not taken " +
                                  std::to_string(options.robot_buffer_kb) +
                                  " kB (live.robot_buffer_kb); scans are lost from now on");
     message.body = LostScan{};
@@ -122,7 +174,7 @@ bool LiveRobot::State::say(Sensed message) {
   counts.messages = message.sequence;
   wire->append(tiers::subject::kSensed, encode(message));
   changed.notify_all();
-  return !ends;
+  return !ends_here();
 }
 
 std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, UnitNotes& units) {
@@ -137,8 +189,8 @@ std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, Un
       std::optional<Sensed> message = agent.step(*record);
       {
         const std::lock_guard lock(mutex);
-        ++counts.records;
-        if (ends || gives_up || begins_again) return std::nullopt;
+        sensed = std::max(sensed, ++counts.records);
+        if (ends_here() || gives_up || begins_again) return std::nullopt;
       }
       if (!message) continue;
       units.look_at(*message);
@@ -181,9 +233,9 @@ void LiveRobot::State::play() {
   UnitNotes units(robot);
   {
     const std::lock_guard lock(mutex);
-    const std::uint64_t sent_bytes = counts.sent_bytes;
+    const std::uint64_t moves = counts.moves;
     counts = {};
-    counts.sent_bytes = sent_bytes;
+    counts.moves = moves;
   }
   std::optional<Error> trouble = play_records(agent, units);
   bool is_asked_to_end = false;
@@ -262,12 +314,13 @@ void LiveRobot::State::speak() {
   std::unique_lock lock(mutex);
   Clock::time_point said = Clock::now();
   while (!gives_up) {
-    if (wire && !wire->is_open()) {
+    if (wire && !edge.empty() && !wire->is_open()) {
+      const TierId to = edge;
       lock.unlock();
-      std::shared_ptr<transport::Channel> channel = connect();
+      std::shared_ptr<transport::Channel> channel = connect(to);
       if (channel) channel->set_listener([woken = woken] { woken->notify_all(); });
       lock.lock();
-      if (channel && !channel->is_closed()) wire->use(std::move(channel));
+      if (channel && !channel->is_closed() && to == edge) wire->use(std::move(channel));
     }
     if (wire) {
       const auto now = Clock::now();
@@ -278,9 +331,9 @@ void LiveRobot::State::speak() {
       if (!wire->is_all_confirmed() && wire->silent_s(now) >= options.patience_s &&
           std::chrono::duration<double>(now - said).count() >= options.patience_s) {
         said = now;
-        log(LogLevel::warning, "robot " + robot.id.str() + ": " + wire->peer() +
-                                   " does not answer; it keeps what it "
-                                   "senses and tries again");
+        log(LogLevel::warning, "robot " + robot.id.str() + ": " +
+                                   (edge.empty() ? "no edge is there for it" : wire->peer() + " does not answer") +
+                                   "; it keeps what it senses and tries again");
       }
     }
     changed.wait_for(lock, kStep);
@@ -288,7 +341,7 @@ void LiveRobot::State::speak() {
 }
 
 LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-                     Connect to_edge)
+                     ConnectToEdge to_edge)
     : state_(new State(robot, configuration, options, std::move(to_edge))) {
   if (!robot.trouble && robot.sensors.scans == nullptr && robot.sensors.cameras.empty())
     throw Error(ErrorCode::kBadInput, "robot '" + robot.id.str() + "' maps with nothing", robot.log.string(),
@@ -313,25 +366,29 @@ void LiveRobot::end() {
   state_->changed.notify_all();
 }
 
+void LiveRobot::follow(const LivePlan& plan) { state_->follow(plan); }
+
 bool LiveRobot::is_done() const {
   const std::lock_guard lock(state_->mutex);
-  return state_->counts.is_read && state_->wire->is_all_confirmed();
+  return state_->is_done();
 }
 
 bool LiveRobot::wait(std::chrono::milliseconds patience) const {
   std::unique_lock lock(state_->mutex);
-  return state_->changed.wait_for(lock, patience,
-                                  [&] { return state_->counts.is_read && state_->wire->is_all_confirmed(); });
+  return state_->changed.wait_for(lock, patience, [&] { return state_->is_done(); });
 }
 
 LiveRobotCounts LiveRobot::counts() const {
   const std::lock_guard lock(state_->mutex);
   LiveRobotCounts counts = state_->counts;
   counts.is_on_board = maps_on_board(state_->robot, state_->configuration);
+  counts.edge = state_->edge;
+  counts.is_released = state_->is_released || !state_->is_coordinated;
   if (!state_->wire) return counts;
   counts.confirmed = state_->wire->confirmed();
   counts.waiting_bytes = state_->wire->waiting_bytes();
-  counts.sent_bytes = state_->wire->counts().sent_bytes;
+  counts.sent_bytes = state_->sent_before + state_->wire->counts().sent_bytes;
+  counts.bytes_per_s = state_->wire->bytes_per_s();
   counts.is_edge_on_wire = state_->wire->is_open() && state_->wire->is_welcome();
   counts.silent_s = state_->wire->silent_s(Clock::now());
   counts.refusal = state_->wire->refusal();

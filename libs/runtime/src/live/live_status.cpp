@@ -44,6 +44,16 @@ Json link(const char* role, const std::string& name, bool is_on_wire, bool is_ne
           {"counts", std::move(counts)}};
 }
 
+// Of a way to the other end, where it was measured.
+Json measured(const std::optional<double>& bytes_per_s) {
+  return bytes_per_s ? Json{{"bytes_per_second", *bytes_per_s}} : Json::object();
+}
+
+// Where it follows one.
+void add_plan(Json& tier, std::uint64_t plan) {
+  if (plan > 0) tier["counts"]["plan"] = plan;
+}
+
 void find(Json& tier, const char* level, const std::string& what, const std::string& remedy) {
   tier["findings"].push_back({{"level", level}, {"what", what}, {"remedy", remedy}});
 }
@@ -99,10 +109,13 @@ Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
                       {"refused", counts.refused},
                       {"unreadable", counts.unreadable},
                       {"repeated", counts.again}};
+  add_plan(status, counts.plan);
+  status["is_sealing"] = counts.is_sealing;
   status["joint"] = joint_json(counts.joint);
   status["apart"] = counts.apart;
   for (const LiveCloudCounts::Edge& edge : counts.edges)
-    status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, !edge.has_fused, edge.silent_s,
+    status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, edge.is_needed && !edge.has_fused,
+                                   edge.silent_s,
                                    {{"taken", edge.taken}, {"stored", edge.stored}, {"begun", edge.runs}}));
   find_trouble(status, counts.trouble);
   find_missing(status, terms);
@@ -116,22 +129,25 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
                      : counts.is_fused ? "merged"
                                        : "mapping",
                      counts.is_done);
-  status["counts"] = {{"previews", counts.previews},
-                      {"waiting_bytes", counts.waiting_bytes},
-                      {"refused", counts.refused},
-                      {"unreadable", counts.unreadable},
-                      {"repeated", counts.again}};
+  status["counts"] = {{"previews", counts.previews}, {"waiting_bytes", counts.waiting_bytes},
+                      {"refused", counts.refused},   {"unreadable", counts.unreadable},
+                      {"repeated", counts.again},    {"mapping_seconds", counts.mapping_s}};
+  add_plan(status, counts.plan);
   status["joint"] = joint_json(counts.joint);
+  status["ended"] = Json::array();
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
-    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, !robot.has_ended, robot.silent_s,
+    if (robot.has_ended) status["ended"].push_back(robot.id.str());
+  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_ended,
+                                   robot.silent_s,
                                    {{"taken", robot.taken},
                                     {"stored", robot.stored},
                                     {"mapped", robot.mapped},
                                     {"scans", robot.scans},
                                     {"lost_scans", robot.lost_scans},
                                     {"queue_bytes", robot.queue_bytes}}));
-  status["links"].push_back(
-      link("cloud", "cloud", counts.is_cloud_on_wire, !counts.is_done, counts.cloud_silent_s, Json::object()));
+  status["links"].push_back(link("cloud", "cloud", counts.is_cloud_on_wire, !counts.is_done, counts.cloud_silent_s,
+                                 measured(counts.bytes_per_s)));
   find_trouble(status, counts.trouble);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);
@@ -154,9 +170,14 @@ Json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCo
                       {"messages", counts.messages},
                       {"confirmed", counts.confirmed},
                       {"waiting_bytes", counts.waiting_bytes},
-                      {"sent_bytes", counts.sent_bytes}};
-  status["links"].push_back(
-      link("edge", its_edge.str(), counts.is_edge_on_wire, !is_done, counts.silent_s, Json::object()));
+                      {"sent_bytes", counts.sent_bytes},
+                      {"moves", counts.moves}};
+  if (its_edge.empty())
+    find(status, is_done ? "warning" : "error", "there is no edge for it",
+         "look whether mapweave serve coordinator runs; else raise an edge's capacity, or start another edge");
+  else
+    status["links"].push_back(
+        link("edge", its_edge.str(), counts.is_edge_on_wire, !is_done, counts.silent_s, measured(counts.bytes_per_s)));
   if (!counts.refusal.empty())
     find(status, "error", "edge " + its_edge.str() + " refuses: " + counts.refusal,
          "the message says what is wrong; the robot asks again and again");
@@ -164,6 +185,61 @@ Json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCo
   if (counts.lost_scans > 0)
     find(status, "warning", "there was no room for " + std::to_string(counts.lost_scans) + " scans",
          "a larger live.robot_buffer_kb keeps more while its edge is away");
+  return status;
+}
+
+namespace {
+
+const char* state_of(const LivePlan& plan) {
+  if (plan.number == 0) return "waiting for robots";
+  return plan.is_done ? "done" : plan.is_final ? "all robots have ended" : "planning";
+}
+
+void find_unplaced(Json& status, const LiveCoordinatorCounts& counts, const StatusTerms& terms) {
+  for (const LiveCoordinatorCounts::Robot& robot : counts.robots) {
+    const std::string who = "robot " + robot.id.str();
+    if (robot.has_come && robot.edge.empty())
+      find(status, "error", "no edge has room for " + who, "raise an edge's capacity, or start another edge");
+    else if (robot.has_come && robot.at != robot.edge && counts.plan_age_s >= terms.patience_s)
+      find(status, "warning", who + " has not gone to edge " + robot.edge.str() + " yet",
+           "look whether mapweave serve robot --name " + robot.id.str() + " runs, and whether it reaches the broker");
+  }
+  if (counts.unreadable > 0)
+    find(status, "warning", std::to_string(counts.unreadable) + " words of programs could not be read",
+         "give all programs the same version; its messages name the first one");
+}
+
+}  // namespace
+
+Json tier_status(const LiveCoordinatorCounts& counts, const StatusTerms& terms) {
+  const bool is_done = counts.plan.is_done;
+  Json status = tier("coordinator", "coordinator", state_of(counts.plan), is_done);
+  status["counts"] = {{"decisions", counts.decisions},
+                      {"moves", counts.moves},
+                      {"unreadable", counts.unreadable},
+                      {"expected_seconds", counts.expected_s}};
+  add_plan(status, counts.plan.number);
+  status["groups"] = Json::object();
+  for (const LiveCoordinatorCounts::Edge& edge : counts.edges) {
+    Json& group = status["groups"][edge.id.str()] = Json::array();
+    for (const RobotId& robot : edge.robots) group.push_back(robot.str());
+    Json one = link("edge", edge.id.str(), edge.is_there, !is_done && !edge.robots.empty(), edge.silent_s,
+                    {{"speed", edge.speed}, {"bytes_per_second", edge.bytes_per_s}});
+    one["speed_is"] = edge.speed_is;
+    one["bytes_per_second_is"] = edge.bytes_are;
+    status["links"].push_back(std::move(one));
+  }
+  for (const LiveCoordinatorCounts::Robot& robot : counts.robots) {
+    Json one = link("robot", robot.id.str(), robot.has_come, !robot.has_ended, robot.silent_s,
+                    {{"scans", robot.scans}, {"queue_bytes", robot.queue_bytes}});
+    one["edge"] = robot.edge.str();
+    status["links"].push_back(std::move(one));
+  }
+  status["links"].push_back(
+      link("cloud", "cloud", counts.cloud_silent_s.has_value(), !is_done, counts.cloud_silent_s, Json::object()));
+  status["last"] = counts.last;
+  find_missing(status, terms);
+  find_unplaced(status, counts, terms);
   return status;
 }
 

@@ -84,7 +84,7 @@ void allow(transport::BrokerUser& user, const std::string& wire, const std::stri
   }
 }
 
-constexpr char kBoard[] = "status", kWorkers[] = "workers", kWork[] = "work";
+constexpr char kBoard[] = "status", kPlans[] = "plan", kWorkers[] = "workers", kWork[] = "work";
 
 transport::BrokerUser new_user(const std::string& name) {
   const std::string inbox = inbox_of(name) + ".>";
@@ -104,7 +104,34 @@ Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, tr
 std::string of_edge(const TierId& edge) { return "edge_" + stream_name(edge.str()); }
 std::string of_cloud(const TierId& edge) { return "cloud_" + stream_name(edge.str()); }
 
+// Where a coordinator may give any robot to any edge: who follows its plan, and what it hears of maps.
+void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan& plan) {
+  using Side = transport::NatsChannelSide;
+  const auto user = [&](const std::string& name) -> transport::BrokerUser& {
+    return *std::find_if(users.begin(), users.end(), [&](const auto& one) { return one.name == name; });
+  };
+  for (const PlannedRobot& robot : plan.robots) {
+    transport::BrokerUser& of_robot = user("robot-" + robot.id.str());
+    for (const TierId& edge : plan.edges)
+      if (edge != robot.edge) allow(of_robot, of_edge(edge), transport::nats_token(robot.id.str()), Side::opens);
+    allow_board(of_robot, kPlans, {"MSG.GET"});
+  }
+  for (const TierId& edge : plan.edges) {
+    transport::BrokerUser& of_this = user("edge-" + edge.str());
+    of_this.may_publish.push_back(transport::NatsBoard::subject_of(kBoard, maps_word_of(edge)));
+    allow_board(of_this, kPlans, {"MSG.GET"});
+  }
+  allow_board(user("cloud"), kPlans, {"MSG.GET"});
+  transport::BrokerUser coordinator = new_user("coordinator");
+  coordinator.may_publish.push_back(transport::NatsBoard::subject_of(kPlans, "coordinator"));
+  allow_board(coordinator, kBoard, {"INFO", "CREATE", "MSG.GET"});
+  allow_board(coordinator, kPlans, {"INFO", "CREATE", "MSG.GET"});
+  users.push_back(std::move(coordinator));
+}
+
 }  // namespace
+
+std::string maps_word_of(const TierId& edge) { return "maps-" + edge.str(); }
 
 std::string domain_of(const EdgeEntry& edge) { return edge.broker.empty() ? "" : "edge_" + stream_name(edge.id); }
 
@@ -126,10 +153,12 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
     allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens, domain.empty() ? "" : kHubDomain);
     allow_board(user, kBoard, {"INFO", "CREATE"});
   }
-  for (const PlannedRobot& robot : plan.robots)
-    if (is_here(robot.edge))
-      allow(users.emplace_back(new_user("robot-" + robot.id.str())), of_edge(robot.edge),
-            transport::nats_token(robot.id.str()), Side::opens);
+  const bool is_coordinated = configuration.coordinator.method != Coordination::none;
+  for (const PlannedRobot& robot : plan.robots) {
+    if (!(robot.edge.empty() ? is_coordinated : is_here(robot.edge))) continue;
+    transport::BrokerUser& user = users.emplace_back(new_user("robot-" + robot.id.str()));
+    if (!robot.edge.empty()) allow(user, of_edge(robot.edge), transport::nats_token(robot.id.str()), Side::opens);
+  }
   if (!at_broker_of) {
     allow_board(cloud, kBoard, {"INFO", "CREATE"});
     users.push_back(std::move(cloud));
@@ -143,6 +172,7 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
   }
   allow_board(doctor, kBoard, {"INFO", "CREATE", "MSG.GET"});
   users.push_back(std::move(doctor));
+  if (is_coordinated) allow_coordinated(users, plan);
   return users;
 }
 
@@ -205,10 +235,17 @@ std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) cons
   const std::string domain = domain_at(edge);
   if (domain.empty()) return std::nullopt;
   return transport::NatsBoard(connection_, kBoard, domain);
+transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
+
+void ServedWires::remove(const std::string& name) {
+  const auto wire = wires_.find(name);
+  if (wire == wires_.end()) return;
+  if (wire->second.channel != nullptr) wire->second.channel->close();
+  wires_.erase(wire);
 }
 
 void ServedWires::keep() {
-  for (Wire& wire : wires_)
+  for (auto& [name, wire] : wires_)
     if (wire.channel == nullptr || wire.channel->is_closed()) {
       wire.channel = wire.accept();
       serve_(wire.channel);

@@ -92,6 +92,7 @@ void NumberedWire::step(Clock::time_point now, bool holds) {
       channel_->acknowledge(one.number);
     }
   if (channel_->is_closed()) return;
+  if (const auto measured = channel_->bytes_per_s()) bytes_per_s_ = measured->bytes_per_s;
   try {
     take_waiting();
   } catch (const Error& error) {

@@ -85,6 +85,8 @@ class NumberedWire {
   void step(Clock::time_point now, bool holds);
 
   WireCounts counts() const { return counts_; }
+  // What the way to the other end carried when it was measured last.
+  const std::optional<double>& bytes_per_s() const { return bytes_per_s_; }
 
  private:
   static constexpr double kSilences = 5.0;
@@ -108,6 +110,7 @@ class NumberedWire {
   bool is_welcome_ = false, is_receipt_due_ = false, is_too_long_ = false;
   std::string refusal_;
   WireCounts counts_;
+  std::optional<double> bytes_per_s_;
 
   // What is said: what there is room for is in the outbox, the rest behind it.
   transport::MemoryOutbox outbox_;

@@ -108,7 +108,7 @@ NatsChannelState NatsChannel::state() const {
   return shown;
 }
 
-std::optional<NatsChannel::Measured> NatsChannel::bytes_per_s() const {
+std::optional<Channel::Measured> NatsChannel::bytes_per_s() const {
   const std::lock_guard lock(state_->mutex);
   const auto measured =
       state_->options.link_end == LinkEnd::broker ? state_->sender.to_broker() : state_->sender.to_receiver();

@@ -15,6 +15,7 @@ struct LiveCloudCounts {
     bool has_all = false;                        // it has all that the cloud had to say to it
     std::uint64_t runs = 0;                      // how often it began
     std::optional<double> silent_s;              // since it said something; none: it never did
+    bool is_needed = true;                       // else the coordinator has given it no robots
   };
   std::vector<Edge> edges;                               // by id
   std::uint64_t refused = 0, unreadable = 0, again = 0;  // as LiveEdgeCounts
@@ -23,7 +24,8 @@ struct LiveCloudCounts {
   std::vector<std::string> apart;         // why pairs of maps stayed apart there, in words
   std::size_t maps = 0;                   // in the last preview
   bool is_sealing = false, is_done = false;
-  std::string trouble;  // why it stores nothing, or cannot go on; empty: it does
+  std::string trouble;     // why it stores nothing, or cannot go on; empty: it does
+  std::uint64_t plan = 0;  // that it follows
 };
 
 // All calls are thread-safe.
@@ -37,6 +39,8 @@ class LiveCloud {
   // As LiveEdge's, to edges.
   std::shared_ptr<transport::Channel> connect();
   void serve(std::shared_ptr<transport::Channel> edge);
+  // With a coordinator it waits for a final plan, and for the edges that have robots by it.
+  void follow(const LivePlan& plan);
   // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
   void seal_now();
   // The report, once the folder is there and the edges were told; nullopt: it is not yet. Throws what went wrong for

@@ -31,6 +31,7 @@ struct LiveEdgeCounts {
     std::size_t queue_bytes = 0;                      // that wait to be mapped
     bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
     std::optional<double> silent_s;                   // since it said something; none: it never did
+    bool is_member = true;  // else the coordinator has given it to another edge, and what is here does not count
   };
   std::vector<Robot> robots;  // by id
   std::uint64_t refused = 0;  // hellos: of robots that are not its own, of a name that is here, of other versions
@@ -42,6 +43,9 @@ struct LiveEdgeCounts {
   std::optional<double> cloud_silent_s;    // as a robot's
   bool is_fused = false, is_done = false;  // all of its robots are in its map; the cloud has written the team's
   std::string trouble;                     // why it stores nothing, or cannot go on; empty: it does
+  std::uint64_t plan = 0;                  // that it follows
+  double mapping_s = 0.0;                  // of wall time in which scans were mapped, of all robots
+  std::optional<double> bytes_per_s;       // what the way to the cloud carries, as it was measured last
 };
 
 // All calls are thread-safe.
@@ -49,7 +53,7 @@ class LiveEdge {
  public:
   // Goes on where the journal ends: it maps again what is in it, before it takes more. Without one, what it has is gone
   // when it ends, and it confirms what it holds in memory. Throws Error as UpdateJournal does, and kBadInput where no
-  // robot of the plan has this edge.
+  // robot of the plan has this edge; with a coordinator, where it is no edge of the plan.
   LiveEdge(TierId edge, const LiveSite& site, Connect to_cloud);
   ~LiveEdge();  // at once; what is in the journal stays
 
@@ -57,6 +61,11 @@ class LiveEdge {
   std::shared_ptr<transport::Channel> connect();
   // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
   void serve(std::shared_ptr<transport::Channel> robot);
+  // Its robots are those that the plan gives it. What it has of others it keeps: they may come back, and go on there.
+  // With a coordinator it merges for good by a final plan alone, and anew where a later one gives it more robots.
+  void follow(const LivePlan& plan);
+  // What the maps of its robots show so far, for the coordinator: encoded MapReports.
+  std::vector<std::string> map_reports() const;
   LiveEdgeCounts counts() const;
   // The last one; null while there is none, and where none is kept.
   std::shared_ptr<const LivePreview> preview() const;

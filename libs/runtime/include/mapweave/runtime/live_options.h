@@ -28,7 +28,7 @@ struct LiveOptions {
   double preview_period_s = 5.0;
   int robot_buffer_kb = 262144;
   int edge_queue_kb = 32768;
-  double patience_s = 15.0;
+  double patience_s = 15.0, lost_after_s = 30.0;
   std::string page_host = "127.0.0.1";
   int page_port = 0;
   LiveWireOptions wire;
@@ -63,11 +63,17 @@ struct LiveOptions {
     v.positive("patience_s", patience_s,
                "time in seconds after which it is said who does not answer, again and again; larger values say it "
                "less often");
+    v.positive(
+        "lost_after_s", lost_after_s,
+        "time in seconds after which an edge that says nothing is lost to the coordinator, which gives its robots "
+        "to other edges; larger values let an edge start again before that");
     v.text("page_host", page_host,
-           "address at which an edge and the cloud show their page (serve); another than 127.0.0.1 opens it to all who "
-           "reach this machine: it is read-only, and asks for no password");
+           "address at which an edge, the cloud and a coordinator show their page (serve); another than 127.0.0.1 "
+           "opens it to "
+           "all who reach this machine: it is read-only, and asks for no password");
     v.integer("page_port", page_port, 0, 65535,
-              "port of the page that shows what an edge or the cloud does while it runs (serve): one for each program "
+              "port of the page that shows what an edge, the cloud or a coordinator does while it runs (serve): one "
+              "for each program "
               "of a machine; 0: no page");
     v.section("wire", wire, "messages between robots, edges and the cloud");
   }

@@ -4,6 +4,7 @@
 // onboard) sends its maps at its end.
 
 #include <mapweave/runtime/live_options.h>
+#include <mapweave/runtime/live_plan.h>
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/transport/channel.h>
 
@@ -18,6 +19,7 @@ namespace mapweave::runtime {
 // A new channel to the other end; null, or one that is closed: it is not there now, and is asked for again. Called on
 // any thread.
 using Connect = std::function<std::shared_ptr<transport::Channel>()>;
+using ConnectToEdge = std::function<std::shared_ptr<transport::Channel>(const TierId& edge)>;
 
 struct LiveRobotCounts {
   std::uint64_t records = 0, scans = 0, lost_scans = 0;  // read; of these, packed; that there was no room for; on board
@@ -29,8 +31,12 @@ struct LiveRobotCounts {
   bool is_on_board = false;                              // it maps itself
   bool is_read = false;                                  // the recording has ended
   bool is_edge_on_wire = false;
-  double silent_s = 0.0;  // since the edge said something
-  std::string refusal;    // the edge's last one
+  double silent_s = 0.0;              // since the edge said something
+  std::string refusal;                // the edge's last one
+  TierId edge;                        // its own now; empty: the coordinator has not said which, or none has room
+  std::uint64_t moves = 0;            // how often it was given to another one
+  std::optional<double> bytes_per_s;  // what the way to its edge carries, as it was measured last
+  bool is_released = true;            // nobody needs what it sensed any more, once its edge has it all
 };
 
 // Two threads of its own: one reads, one speaks. All calls are thread-safe. One recording is one run: a robot that
@@ -40,12 +46,17 @@ class LiveRobot {
   // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
   // for a robot without a sensor.
   LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-            Connect to_edge);
+            ConnectToEdge to_edge);
   ~LiveRobot();
 
   // The recording ends where it is.
   void end();
-  // All is said, and stored at the edge.
+  // Goes to the edge that the plan names for it, if that is another one: ends the wire to the one before, and says to
+  // the new one, from the beginning of its recording, what that does not have. An older plan than before is passed
+  // over.
+  void follow(const LivePlan& plan);
+  // All is said, and stored at the edge; with a coordinator, the team's map is written, too: until then the robot may
+  // be given to another edge.
   bool is_done() const;
   bool wait(std::chrono::milliseconds patience) const;  // for is_done()
   LiveRobotCounts counts() const;
@@ -60,7 +71,8 @@ class LiveRobot {
 Hash agreement_of(RunConfiguration configuration);
 
 // Throws Error(kBadInput), naming the key, for what robots, edges and a cloud that run as programs of their own do not
-// do yet: cameras that share while they drive, a coordinator, parts of logs. The plan's sensors need not be chosen.
+// do yet: cameras that share while they drive, a coordinator of edges with brokers of their own, parts of logs. The
+// plan's sensors need not be chosen.
 void expect_live(const RunConfiguration& configuration, const RunPlan& plan);
 
 }  // namespace mapweave::runtime

@@ -3,6 +3,7 @@
 // over a wire.
 
 #include <mapweave/runtime/live_cloud.h>
+#include <mapweave/runtime/live_coordinator.h>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -17,7 +18,8 @@ struct StatusTerms {
 };
 
 // A tier: {role, name, state, is_done, counts: {name: number}, joint: [[map]], links: [...], findings: [...]}; of the
-// cloud also apart: [text], why pairs of maps are not joined yet.
+// cloud also apart: [text], why pairs of maps are not joined yet, and is_sealing; of an edge also ended: [robot], whose
+// maps are finished; of a coordinator also groups: {edge: [robot]}, and last, its last moves in words.
 // A link is what the tier knows of another one that it speaks with: {role, name, is_on_wire, is_needed (something of
 // it is awaited), silent_seconds (null: it never said anything), counts}. A finding: {level: error or warning, what,
 // remedy}; an error is what nothing but somebody's help ends.
@@ -26,8 +28,11 @@ nlohmann::ordered_json tier_status(const TierId& edge, const LiveEdgeCounts&, co
 nlohmann::ordered_json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCounts&,
                                    const StatusTerms&);
 
+nlohmann::ordered_json tier_status(const LiveCoordinatorCounts&, const StatusTerms&);
+
 // Of a program with these tiers: {program, name, version, up_seconds, is_healthy, problems: [text] (the errors of all
-// tiers), process: {cpu_seconds, resident_bytes, peak_resident_bytes}, tiers}. program: cloud, edge, robot, demo.
+// tiers), process: {cpu_seconds, resident_bytes, peak_resident_bytes}, tiers}. program: cloud, edge, robot,
+// coordinator, demo.
 nlohmann::ordered_json program_status(const std::string& program, const std::string& name,
                                       std::vector<nlohmann::ordered_json> tiers, const StatusTerms&);
 

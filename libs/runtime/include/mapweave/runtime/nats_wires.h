@@ -9,6 +9,7 @@
 #include <mapweave/transport/nats_board.h>
 #include <mapweave/transport/nats_channel.h>
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -51,6 +52,8 @@ class NatsWires {
 
   // As the own broker of an edge keeps it, for who is connected to live.broker; nullopt: the edge has none.
   std::optional<transport::NatsBoard> board_of(const TierId& edge) const;
+  // Where the coordinator says which robot has which edge (LivePlan), under "coordinator"; it alone makes it.
+  transport::NatsBoard plans() const;
 
  private:
   std::string domain_at(const TierId& edge) const;
@@ -64,10 +67,11 @@ class NatsWires {
 // Channels that one program serves: each is made anew where it was closed. Not thread-safe.
 class ServedWires {
  public:
-  // serve: as LiveEdge's or LiveCloud's.
+  // serve: as LiveEdge's or LiveCloud's. Each wire has a name.
   explicit ServedWires(std::function<void(std::shared_ptr<transport::Channel>)> serve) : serve_(std::move(serve)) {}
-  void add(Connect accept) { wires_.push_back({std::move(accept), nullptr}); }
-  void keep();  // now and then
+  void add(const std::string& name, Connect accept) { wires_.try_emplace(name, Wire{std::move(accept), nullptr}); }
+  void remove(const std::string& name);  // closed
+  void keep();                           // now and then
 
  private:
   struct Wire {
@@ -75,7 +79,7 @@ class ServedWires {
     std::shared_ptr<transport::Channel> channel;
   };
   std::function<void(std::shared_ptr<transport::Channel>)> serve_;
-  std::vector<Wire> wires_;
+  std::map<std::string, Wire> wires_;
 };
 
 }  // namespace mapweave::runtime

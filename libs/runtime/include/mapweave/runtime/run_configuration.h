@@ -174,14 +174,16 @@ struct CoordinatorEntry {
              "are as robots name "
              "them, or in turn");
     v.text("at", at,
-           "edge that runs the coordinator; empty: the cloud. The summary says how long map summaries took to it "
-           "(summary_seconds); decisions do not wait for them");
+           "edge that runs the coordinator (run); empty: the cloud. The summary says how long map summaries took to it "
+           "(summary_seconds); decisions do not wait for them. One that is a program of its own (serve) is where it is "
+           "started");
     v.text(
         "model", model,
         "file with a latency model, as mapweave profile writes it, relative to this file; empty: the built-in model");
-    v.positive("overlap_period_s", overlap_period_s,
-               "recorded time in seconds between two estimates of the robots' overlaps; larger values let the "
-               "coordinator react later and send fewer summaries");
+    v.positive(
+        "overlap_period_s", overlap_period_s,
+        "recorded time (serve: clock time) in seconds between two estimates of the robots' overlaps; larger values "
+        "let the coordinator react later and send fewer summaries");
     v.fraction("hysteresis", hysteresis,
                "least saving, as a share of the expected time, for which the coordinator moves robots to other edges; "
                "larger values move "

@@ -48,6 +48,9 @@ class Coordinator {
   // algorithm_s. Throws Error what make_plan throws of a method that cannot do what is asked.
   std::optional<CoordinatorDecision> decide(double now_s);
 
+  // Whether robots move only where their edge is gone, whatever else would save.
+  void hold(bool holds) { holds_ = holds; }
+
   const std::map<RobotId, TierId>& edge_of() const { return edge_of_; }  // empty names: on board
 
  private:
@@ -78,6 +81,7 @@ class Coordinator {
   std::map<std::pair<RobotId, TierId>, scheduling::RobotLink> links_;
   std::map<RobotId, TierId> edge_of_;
   std::vector<std::string> because_;
+  bool holds_ = false;
 };
 
 }  // namespace mapweave::tiers

@@ -14,12 +14,13 @@ inline constexpr char kWelcome[] = "welcome", kReceipts[] = "receipts", kShare[]
 // Robots with lasers, edges and the cloud, where each is a program of its own; all are numbered. Robot -> edge: Sensed.
 inline constexpr char kSensed[] = "sensed";
 // Edge -> cloud. Previews: a round is its updates and merges, then its end. What the final map rests on: MapUpdates and
-// MergedMaps as EdgeServer sends them, then that it has fused. For the folder of results: each robot's whole map and
-// report. Answers: judgements and whole maps as MapUpdates, then that this is all.
+// MergedMaps as EdgeServer sends them, then that it has fused; with a coordinator, first whose they are, in place of
+// all that the edge said of this before. For the folder of results: each robot's whole map and report. Answers:
+// judgements and whole maps as MapUpdates, then that this is all.
 inline constexpr char kPreviewUpdate[] = "preview_update", kPreviewMerged[] = "preview_merged",
-                      kPreviewEnd[] = "preview_end", kFinalUpdate[] = "final_update", kMerged[] = "merged",
-                      kFused[] = "fused", kRobotMap[] = "robot_map", kRobotReport[] = "robot_report",
-                      kJudged[] = "judged", kWholeMaps[] = "whole_maps";
+                      kPreviewEnd[] = "preview_end", kFinalBegin[] = "final_begin", kFinalUpdate[] = "final_update",
+                      kMerged[] = "merged", kFused[] = "fused", kRobotMap[] = "robot_map",
+                      kRobotReport[] = "robot_report", kJudged[] = "judged", kWholeMaps[] = "whole_maps";
 // Cloud -> edge: a judging task, as its maps and then its pairs; maps that it wants as a whole; that all is done.
 inline constexpr char kJudgeMap[] = "judge_map", kJudge[] = "judge", kWanted[] = "wanted", kDone[] = "done";
 

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -44,6 +45,13 @@ class Channel {
   virtual void acknowledge(std::uint64_t delivery) = 0;
   // Called after something came or the other end closed, on whatever thread; once at the start.
   virtual void set_listener(std::function<void()> listener) = 0;
+
+  struct Measured {
+    double bytes_per_s = 0.0;
+    double age_s = 0.0;  // since it was measured
+  };
+  // What the link carries from this end, measured while it was busy; nullopt: it was not yet, or nobody measures.
+  virtual std::optional<Measured> bytes_per_s() const { return std::nullopt; }
 
   virtual void close() = 0;
   virtual bool is_closed() const = 0;

@@ -84,14 +84,9 @@ class NatsChannel : public Channel {
   void set_listener(std::function<void()> listener) override;
   void close() override;
   bool is_closed() const override;
+  std::optional<Measured> bytes_per_s() const override;
 
   NatsChannelState state() const;
-  struct Measured {
-    double bytes_per_s = 0.0;
-    double age_s = 0.0;  // since it was measured
-  };
-  // What the link carries from this end, measured while it was busy; nullopt: it was not yet.
-  std::optional<Measured> bytes_per_s() const;
 
  private:
   struct State;
