@@ -70,8 +70,10 @@ Json of_topics(const std::vector<rawlog::TopicContents>& topics) {
   return shown;
 }
 
-Json of_log(const std::filesystem::path& path, const rawlog::ReadOptions& reading) {
-  const rawlog::LogContents contents = rawlog::summarize_log(path, reading);
+Json of_log(const std::filesystem::path& path, const std::vector<std::string>& set) {
+  Settings settings;
+  load(settings, {{}, environment_for(fields_of(settings)), set});
+  const rawlog::LogContents contents = rawlog::summarize_log(path, settings.reading);
   if (!contents.trouble.empty())
     return {{"kind", "log"},
             {"format", contents.format},
@@ -284,7 +286,7 @@ Json in_brief(Json contents) try {
   throw Error(ErrorCode::kCorrupt, error.what(), {}, "make the results again, or look at them with --json");
 }
 
-Json contents_of(const std::filesystem::path& path, const rawlog::ReadOptions& reading) {
+Json contents_of(const std::filesystem::path& path, const std::vector<std::string>& set) {
   std::error_code ignored;
   if (std::filesystem::exists(path / "manifest.json", ignored)) return of_results(path);
   if (std::filesystem::exists(path / "map.mwdb", ignored))
@@ -294,7 +296,7 @@ Json contents_of(const std::filesystem::path& path, const rawlog::ReadOptions& r
   if (path.extension() == ".json") return of_json(path);
   if (const auto contents = contents_of_file(path)) return *contents;
   if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
-  return of_log(path, reading);
+  return of_log(path, set);
 }
 
 // "key: value" lines, indented as YAML is; `first` stands before the first line instead of `indent`.
@@ -341,9 +343,7 @@ Action set_up_inspect(CLI::App& verb) {
   verb.add_flag("--all", arguments->all, "all that is known of each pair and robot, instead of a line");
   verb.add_flag("--json", arguments->json, "print JSON, with everything");
   return [arguments] {
-    Settings settings;
-    load(settings, {{}, environment_for(fields_of(settings)), arguments->set});
-    const Json contents = contents_of(arguments->path, settings.reading);
+    const Json contents = contents_of(arguments->path, arguments->set);
     if (arguments->json)
       std::cout << runtime::json_text(contents) << '\n';
     else
