@@ -235,21 +235,22 @@ std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) cons
   const std::string domain = domain_at(edge);
   if (domain.empty()) return std::nullopt;
   return transport::NatsBoard(connection_, kBoard, domain);
-  transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
+}
+transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
 
-  void ServedWires::remove(const std::string& name) {
-    const auto wire = wires_.find(name);
-    if (wire == wires_.end()) return;
-    if (wire->second.channel != nullptr) wire->second.channel->close();
-    wires_.erase(wire);
-  }
+void ServedWires::remove(const std::string& name) {
+  const auto wire = wires_.find(name);
+  if (wire == wires_.end()) return;
+  if (wire->second.channel != nullptr) wire->second.channel->close();
+  wires_.erase(wire);
+}
 
-  void ServedWires::keep() {
-    for (auto& [name, wire] : wires_)
-      if (wire.channel == nullptr || wire.channel->is_closed()) {
-        wire.channel = wire.accept();
-        serve_(wire.channel);
-      }
-  }
+void ServedWires::keep() {
+  for (auto& [name, wire] : wires_)
+    if (wire.channel == nullptr || wire.channel->is_closed()) {
+      wire.channel = wire.accept();
+      serve_(wire.channel);
+    }
+}
 
 }  // namespace mapweave::runtime
