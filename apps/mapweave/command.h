@@ -37,6 +37,7 @@ int threads_of(const WritingFlags&);
 
 Action set_up_doctor(CLI::App&);
 Action set_up_run(CLI::App&);
+Action set_up_worker(CLI::App&);
 Action set_up_serve(CLI::App&);
 Action set_up_slam(CLI::App&);
 Action set_up_merge(CLI::App&);

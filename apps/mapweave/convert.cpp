@@ -51,9 +51,9 @@ ExitCode convert(const Arguments& arguments) {
 
 Action set_up_convert(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option(
-          "IN", arguments->log,
-          "MRPT rawlog, CARMEN log (.gz too), g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+  verb.add_option("IN", arguments->log,
+                  "MRPT rawlog, ROS bag, CARMEN log (.gz too), g2o with scans, or a folder of pictures (TUM RGB-D, "
+                  "KITTI, EuRoC)")
       ->required();
   verb.add_option("OUT", arguments->out, "rawlog to write")->required()->type_name("OUT.rawlog");
   verb.add_option("--set", arguments->set, "what the log does not say, as in reading.laser_x_m=0.2")

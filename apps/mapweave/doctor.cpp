@@ -181,33 +181,47 @@ void show(const Json& findings) {
               << "\n";
 }
 
-std::vector<std::string> programs_of(const Deployment& deployment) {
+struct Program {
+  std::string user;
+  std::optional<TierId> edge;  // at whose broker it is
+};
+
+std::vector<Program> programs_of(const Deployment& deployment) {
   const runtime::RunPlan& plan = deployment.plan;
-  std::vector<std::string> users{"cloud"};
-  if (is_coordinated(deployment)) users.push_back("coordinator");
-  for (const TierId& edge : plan.edges) users.push_back("edge-" + edge.str());
-  for (const runtime::PlannedRobot& robot : plan.robots) users.push_back("robot-" + robot.id.str());
-  return users;
+  std::vector<Program> programs{{"cloud", std::nullopt}};
+  if (is_coordinated(deployment)) programs.push_back({"coordinator", std::nullopt});
+  for (const TierId& edge : plan.edges) programs.push_back({"edge-" + edge.str(), edge});
+  for (const runtime::PlannedRobot& robot : plan.robots) programs.push_back({"robot-" + robot.id.str(), robot.edge});
+  return programs;
 }
 
 Json look_at_deployment(const Arguments& arguments) {
   const Deployment deployment = load_deployment(arguments.file, arguments.flags);
-  const runtime::NatsWires wires(deployment.live(), kPatience);
+  const runtime::NatsWires wires(deployment.loaded.configuration, kPatience);
   transport::NatsBoard board = wires.board();
   const auto ahead = broker_is_ahead(board);
-  const std::vector<std::string> users = programs_of(deployment);
+  const std::vector<Program> programs_there = programs_of(deployment);
   const auto look = [&] {
     std::vector<std::optional<Word>> words;
-    for (const std::string& user : users)
-      words.push_back(last_word(board, user, std::chrono::system_clock::now() + ahead));
+    for (const Program& program : programs_there) {
+      const auto now = std::chrono::system_clock::now() + ahead;
+      auto own = program.edge ? wires.board_of(*program.edge) : std::nullopt;
+      if (own) try {
+          words.push_back(last_word(*own, program.user, now));
+          continue;
+        } catch (const Error& error) {  // the edge's broker is away: as it was said last
+          if (error.code() == ErrorCode::kCorrupt) throw;
+        }
+      words.push_back(last_word(board, program.user, now));
+    }
     return words;
   };
   const auto before = look();
   std::this_thread::sleep_for(kBetween);
   const auto after = look();
   Json programs = Json::array();
-  for (std::size_t i = 0; i < users.size(); ++i)
-    programs.push_back(look_at_program(users[i], before[i], after[i], deployment.live().patience_s));
+  for (std::size_t i = 0; i < programs_there.size(); ++i)
+    programs.push_back(look_at_program(programs_there[i].user, before[i], after[i], deployment.live().patience_s));
   return {{"broker", deployment.live().broker},
           {"broker_ahead_seconds", std::chrono::duration<double>(ahead).count()},
           {"programs", std::move(programs)}};

@@ -2,10 +2,13 @@
 
 #include "configuration.h"
 #include "export_request.h"
+#include "output_file.h"
+#include "recording_files.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
+#include <mapweave/exporters/ros_recording.h>
 #include <mapweave/exporters/trajectory_files.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/runtime/json_text.h>
@@ -20,6 +23,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <set>
 
 namespace mapweave::app {
@@ -31,7 +35,9 @@ struct Arguments {
   std::vector<std::string> logs;
   exporters::MapFolderFiles files{false, false, false, false, false, false};
   bool ply = false, octomap = false;
+  RecordingFiles recordings;
   WritingFlags flags;
+  bool wants_folder() const { return !flags.out.empty(); }
 };
 
 // One map of what is exported, and what is to be written of it.
@@ -109,6 +115,12 @@ std::vector<Exported> prepared(const Arguments& arguments, const std::vector<Map
   for (const Map& whole : maps) {
     if (!arguments.robot.empty() && is_found && !holds_robot(whole)) continue;
     Exported one{arguments.robot.empty() ? whole : part_of_robot(whole, arguments.robot), {}, {}};
+    if (arguments.recordings.any() && has_walls(one.map))
+      one.grid = fusion::compose_grid(one.map, configuration.compose, pool);
+    if (!arguments.wants_folder()) {
+      result.push_back(std::move(one));
+      continue;
+    }
     ExportRequest request = request_of(arguments.files, arguments.ply, arguments.octomap, configuration.output);
     if (request.wants_depth()) {
       request.logs = given_logs(arguments.logs, runtime::robots_with_depth(one.map));
@@ -116,7 +128,7 @@ std::vector<Exported> prepared(const Arguments& arguments, const std::vector<Map
     }
     one.request = possible(request, one.map);
     const exporters::MapFolderFiles& files = one.request.files;
-    if ((files.png || files.pgm) && has_walls(one.map))
+    if ((files.png || files.pgm) && one.grid.empty() && has_walls(one.map))
       one.grid = fusion::compose_grid(one.map, configuration.compose, pool);
     if (one.request.octomap) one.slabs = runtime::slabs_of(one.map, one.grid, configuration, pool);
     if (one.grid.empty() && (files.pgm || (files.png && one.map.landmarks.empty())) && one.request.is_explicit)
@@ -127,14 +139,20 @@ std::vector<Exported> prepared(const Arguments& arguments, const std::vector<Map
   return result;
 }
 
-ExitCode export_map(const Arguments& arguments) {
-  runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
-  const runtime::MapInput input = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
+void expect_somewhere_to_write(const Arguments& arguments) {
+  if (arguments.wants_folder()) return;
+  const exporters::MapFolderFiles& files = arguments.files;
+  const bool wants_files =
+      files.png || files.pgm || files.pcd || files.tum || files.g2o || arguments.ply || arguments.octomap;
+  if (wants_files || !arguments.recordings.any())
+    throw Error(ErrorCode::kUsage, "a folder for the files is missing", "--out",
+                "name one: --out DIR (--bag FILE and --mcap FILE alone need none)");
+}
 
-  expect_outside(arguments.flags.out, {arguments.map});
-  OutputFolder folder(arguments.flags.out, arguments.flags.force);
-  std::vector<Exported> all = prepared(arguments, input.maps, input.files.front(), configuration);
-  if (all.size() == 1 && arguments.robot.empty()) all.front().identity = input.identity;
+// The folder of results, without recordings. Returns its files' names.
+std::vector<std::string> write_folder(OutputFolder& folder, const Arguments& arguments,
+                                      const std::vector<Exported>& all, const runtime::MapInput& input,
+                                      runtime::RunConfiguration configuration) {
   std::vector<std::string> written;
   for (const Exported& one : all) {
     const std::filesystem::path below = all.size() == 1 ? "" : one.map.id.str();
@@ -155,11 +173,49 @@ ExitCode export_map(const Arguments& arguments) {
   for (const std::filesystem::path& file : input.files) read.push_back({file.string(), hash_of_file(file)});
   const auto manifest = runtime::manifest_json("export", configuration.seed, read, folder.staging());
   write_file(folder.staging() / "manifest.json", runtime::json_text(manifest) + "\n");
-  folder.commit();
+  return written;
+}
+
+std::vector<RecordingBytes> recordings_of(const std::vector<Exported>& all, const Arguments& arguments,
+                                          const runtime::RunConfiguration& configuration) {
+  std::vector<exporters::RecordedMap> maps;
+  for (const Exported& one : all)
+    maps.push_back({&one.map, &one.grid,
+                    arguments.recordings.any()
+                        ? exporters::map_cloud(one.map, runtime::folder_options(configuration.output, "").cloud)
+                        : std::vector<exporters::ColouredPoint>()});
+  return recordings_of(maps, arguments.recordings);
+}
+
+ExitCode export_map(const Arguments& arguments) {
+  expect_somewhere_to_write(arguments);
+  const runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
+  const runtime::MapInput input = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
+  expect_free(arguments.recordings, input.files, arguments.flags.force);
+
+  std::optional<OutputFolder> folder;
+  if (arguments.wants_folder()) {
+    expect_outside(arguments.flags.out, {arguments.map});
+    folder.emplace(arguments.flags.out, arguments.flags.force);
+  }
+  std::vector<Exported> all = prepared(arguments, input.maps, input.files.front(), configuration);
+  if (all.size() == 1 && arguments.robot.empty()) all.front().identity = input.identity;
+  const std::vector<RecordingBytes> recordings = recordings_of(all, arguments, configuration);
+  std::vector<std::string> written, shown;
+  if (folder) {
+    written = write_folder(*folder, arguments, all, input, configuration);
+    folder->commit();
+    for (const std::string& file : written) shown.push_back((folder->goal() / file).string());
+  }
+  for (const RecordingBytes& recording : recordings) {
+    write_output({recording.path, input.files, recording.ending}, recording.bytes);
+    written.push_back(recording.path.string());
+    shown.push_back(recording.path.string());
+  }
 
   if (arguments.flags.json) std::printf("%s\n", runtime::json_text(written).c_str());
-  for (const std::string& file : written)
-    if (!arguments.flags.json) std::printf("%s\n", (folder.goal() / file).c_str());
+  for (const std::string& file : shown)
+    if (!arguments.flags.json) std::printf("%s\n", file.c_str());
   return ExitCode::done;
 }
 
@@ -184,12 +240,21 @@ Action set_up_export(CLI::App& verb) {
   verb.add_flag("--octomap", arguments->octomap,
                 "map.bt and map.ot, OctoMaps: of lasers and grids a slab, of depth cameras the same as --ply, which "
                 "needs the log");
+  verb.add_option(
+          "--bag", arguments->recordings.bag,
+          "a bag of ROS 1 with the grid, the points of the walls, each robot's path and poses (tf), for RViz and "
+          "Foxglove; alone it needs no --out")
+      ->type_name("FILE");
+  verb.add_option("--mcap", arguments->recordings.mcap,
+                  "the same as an MCAP file of ROS 2, for RViz, Foxglove and Lichtblick")
+      ->type_name("FILE");
   verb.add_option("--log", arguments->logs,
                   "where a robot's log is, for --ply and --octomap; without it: as config.yaml beside the map says")
       ->type_name("[ROBOT=]PATH")
       ->allow_extra_args(false);
   verb.add_option("--robot", arguments->robot, "one robot of a team, in the team's frame")->type_name("NAME");
   add_writing_flags(verb, arguments->flags);
+  verb.get_option("--out")->required(false);
   return [arguments] { return export_map(*arguments); };
 }
 

@@ -1,11 +1,13 @@
 // mapweave inspect: what is in a log or a folder of pictures, and in everything that the program writes.
 
 #include "command.h"
+#include "configuration.h"
 #include "inspected_files.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/hash.h>
+#include <mapweave/core/options.h>
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/mapdb/update_journal.h>
@@ -45,8 +47,38 @@ Json of_camera(const rawlog::RecordedCameraGeometry& camera) {
   return shown;
 }
 
-Json of_log(const std::filesystem::path& path) {
-  const rawlog::LogContents contents = rawlog::summarize_log(path);
+// What --set can reach.
+struct Settings {
+  rawlog::ReadOptions reading;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.section("reading", reading, "what the log does not say itself");
+  }
+};
+
+Json of_topics(const std::vector<rawlog::TopicContents>& topics) {
+  Json shown = Json::array();
+  for (const rawlog::TopicContents& topic : topics) {
+    Json line = {{"topic", topic.name},
+                 {"type", topic.type},
+                 {"count", topic.count},
+                 {"rate_hz", topic.rate_hz},
+                 {"longest_gap_s", topic.longest_gap_s}};
+    if (!topic.frames.empty()) line["frames"] = topic.frames;
+    shown.push_back(line);
+  }
+  return shown;
+}
+
+Json of_log(const std::filesystem::path& path, const std::vector<std::string>& set) {
+  Settings settings;
+  load(settings, {{}, environment_for(fields_of(settings)), set});
+  const rawlog::LogContents contents = rawlog::summarize_log(path, settings.reading);
+  if (!contents.trouble.empty())
+    return {{"kind", "log"},
+            {"format", contents.format},
+            {"topics", of_topics(contents.topics)},
+            {"not_read_as_it_is", contents.trouble}};
   Json sensors = Json::array();
   for (const rawlog::SensorContents& sensor : contents.sensors) {
     Json geometries = Json::array();
@@ -80,6 +112,7 @@ Json of_log(const std::filesystem::path& path) {
                 {"duration_s", contents.duration_s},
                 {"odometry_length_m", contents.odometry_length_m},
                 {"sensors", sensors}};
+  if (!contents.topics.empty()) shown["topics"] = of_topics(contents.topics);
   if (!contents.doubts.empty()) shown["doubts"] = contents.doubts;
   return shown;
 }
@@ -253,7 +286,7 @@ Json in_brief(Json contents) try {
   throw Error(ErrorCode::kCorrupt, error.what(), {}, "make the results again, or look at them with --json");
 }
 
-Json contents_of(const std::filesystem::path& path) {
+Json contents_of(const std::filesystem::path& path, const std::vector<std::string>& set) {
   std::error_code ignored;
   if (std::filesystem::exists(path / "manifest.json", ignored)) return of_results(path);
   if (std::filesystem::exists(path / "map.mwdb", ignored))
@@ -263,7 +296,7 @@ Json contents_of(const std::filesystem::path& path) {
   if (path.extension() == ".json") return of_json(path);
   if (const auto contents = contents_of_file(path)) return *contents;
   if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
-  return of_log(path);
+  return of_log(path, set);
 }
 
 // "key: value" lines, indented as YAML is; `first` stands before the first line instead of `indent`.
@@ -295,17 +328,22 @@ void print(const Json& value, const std::string& first, const std::string& inden
 Action set_up_inspect(CLI::App& verb) {
   struct Arguments {
     std::filesystem::path path;
+    std::vector<std::string> set;
     bool json = false, all = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("PATH", arguments->path,
-                  "a log or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a folder of "
-                  "results, or any file in it: grids, configurations, trajectories, clouds, graphs, pictures, JSON")
+  verb.add_option(
+          "PATH", arguments->path,
+          "a log, a ROS bag or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a folder of "
+          "results, or any file in it: grids, configurations, trajectories, clouds, graphs, pictures, JSON")
       ->required();
+  verb.add_option("--set", arguments->set, "how a log is read, as in reading.topics=[/scan, /odom]")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
   verb.add_flag("--all", arguments->all, "all that is known of each pair and robot, instead of a line");
   verb.add_flag("--json", arguments->json, "print JSON, with everything");
   return [arguments] {
-    const Json contents = contents_of(arguments->path);
+    const Json contents = contents_of(arguments->path, arguments->set);
     if (arguments->json)
       std::cout << runtime::json_text(contents) << '\n';
     else

@@ -2,12 +2,14 @@
 
 #include "configuration.h"
 #include "misplaced_input.h"
+#include "workers.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/merge_requests.h>
 
 #include <memory>
+#include <optional>
 
 namespace mapweave::app {
 
@@ -17,6 +19,7 @@ Action set_up_run(CLI::App& verb) {
     std::vector<std::filesystem::path> maps;
     std::vector<std::string> refused;
     bool keep_going = false;
+    std::string cluster;
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
@@ -29,6 +32,9 @@ Action set_up_run(CLI::App& verb) {
                   "never match the maps of these two robots to each other; a third one may still join them; repeatable")
       ->type_name("A,B")
       ->allow_extra_args(false);
+  verb.add_option("--cluster", arguments->cluster,
+                  "workers map the robots: the NATS server where they listen (mapweave worker); the maps are the same")
+      ->type_name("nats://HOST:PORT");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     expect_configuration(arguments->file);
@@ -46,7 +52,12 @@ Action set_up_run(CLI::App& verb) {
     expect_outside(arguments->flags.out, inputs);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
-    const runtime::RunSettings settings{arguments->flags.out, arguments->flags.force, arguments->keep_going};
+    runtime::RunSettings settings{arguments->flags.out, arguments->flags.force, arguments->keep_going};
+    std::optional<WorkersOfCluster> workers;
+    if (!arguments->cluster.empty()) {
+      workers.emplace(loaded.configuration, arguments->cluster);
+      settings.cluster = &workers->cluster();
+    }
     return report_result(runtime::run_batch(loaded.configuration, plan, settings, pool, *progress),
                          arguments->flags.out, arguments->flags.json);
   };

@@ -35,8 +35,7 @@ struct Arguments {
   std::string name;
   WritingFlags flags;
   DemoArguments demo;
-  std::vector<std::string> hosts;  // of keys
-  int port = 4222;
+  KeysArguments keys;
 };
 
 // The one that is named, or the only one.
@@ -99,7 +98,7 @@ ExitCode serve_robot(const Arguments& arguments) {
   runtime::choose_sensors(own, deployment.loaded.configuration, pool);
   const runtime::PlannedRobot& planned = own.robots.front();
   if (planned.trouble && planned.trouble->code() == ErrorCode::kMissing) throw *planned.trouble;
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, planned.edge, kToConnect);
   PlanReader plans(wires, deployment);
   runtime::LiveRobot robot(planned, deployment.loaded.configuration, deployment.live(),
                            [&](const TierId& edge) { return wires.from_robot(name, edge)(); });
@@ -152,7 +151,7 @@ ExitCode serve_edge(const Arguments& arguments) {
   const TierId name(chosen("edge", arguments.name, names));
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, name, kToConnect);
   const auto journal = journal_in(deployment.live(), name.str());
   {
     runtime::LiveEdge edge(name,
@@ -207,7 +206,7 @@ ExitCode serve_cloud(const Arguments& arguments) {
   const RunningSince since(deployment.live());
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
   {
@@ -323,12 +322,16 @@ Action set_up_serve(CLI::App& verb) {
   keys->add_option("-o,--out", arguments->flags.out, "folder for them; keys that it holds already stay as they are")
       ->required()
       ->type_name("DIR");
-  keys->add_option("--host", arguments->hosts,
+  keys->add_option("--host", arguments->keys.hosts,
                    "name or address of the broker's machine, as programs reach it; several may be given")
       ->required()
       ->type_name("HOST")
       ->allow_extra_args(false);
-  keys->add_option("--port", arguments->port, "where the broker listens")
+  keys->add_option("--port", arguments->keys.port, "where the broker listens")
+      ->check(whole_number(1, 65535))
+      ->type_name("N")
+      ->capture_default_str();
+  keys->add_option("--leaf-port", arguments->keys.leaf_port, "where it listens for edges' own brokers")
       ->check(whole_number(1, 65535))
       ->type_name("N")
       ->capture_default_str();
@@ -358,9 +361,10 @@ Action set_up_serve(CLI::App& verb) {
     if (cloud->parsed()) return serve_cloud(*arguments);
     if (coordinator->parsed())
       return serve_coordinator(load_deployment(arguments->file, arguments->flags), arguments->flags.out);
-    if (keys->parsed())
-      return make_keys(load_deployment(arguments->file, arguments->flags),
-                       {arguments->hosts, arguments->port, arguments->flags.out});
+    if (keys->parsed()) {
+      arguments->keys.out = arguments->flags.out;
+      return make_keys(load_deployment(arguments->file, arguments->flags), arguments->keys);
+    }
     return serve_demo(arguments->demo);
   };
 }

@@ -121,7 +121,7 @@ ExitCode serve_demo(const DemoArguments& arguments);
 // serve keys: for a broker on a machine with these names or addresses. What the folder holds already stays.
 struct KeysArguments {
   std::vector<std::string> hosts;
-  int port = 4222;
+  int port = 4222, leaf_port = 7422;
   std::filesystem::path out;
 };
 ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments);

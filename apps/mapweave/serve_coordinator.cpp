@@ -206,7 +206,7 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
     throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(), out.string(),
                 "name another one in --out");
   const auto progress = make_terminal_progress();
-  const runtime::NatsWires wires(deployment.live(), kToConnect);
+  const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   Coordination coordination(deployment, wires, out, *progress);
   const runtime::LiveCoordinator& coordinator = coordination.coordinator();
   const auto status = [&] {

@@ -142,7 +142,7 @@ ExitCode serve_demo(const DemoArguments& arguments) {
   runtime::RunPlan plan = runtime::make_plan(configuration, loaded.origins);
   runtime::choose_sensors(plan, configuration, pool);
   configuration.live.broker = broker.url();
-  const runtime::NatsWires wires(configuration.live, kToConnect);
+  const runtime::NatsWires wires(configuration, kToConnect);
   const RunningSince since(configuration.live);
   WorkerPool merging(available_processors());
   const auto site = [&](const std::string& name) {

@@ -6,11 +6,13 @@
 #include <mapweave/core/files.h>
 #include <mapweave/core/format.h>
 #include <mapweave/runtime/deployment_keys.h>
+#include <mapweave/runtime/nats_wires.h>
 #include <mapweave/transport/certificates.h>
 
 #include <sys/stat.h>
 
 #include <iostream>
+#include <set>
 
 namespace mapweave::app {
 namespace {
@@ -31,6 +33,14 @@ class PrivateFiles {
   mode_t before_;
 };
 
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error)
+    throw Error(ErrorCode::kCannotWrite, "the folder for keys cannot be made: " + error.message(), folder.string(),
+                "name another one in --out");
+}
+
 transport::Certified authority_in(const fs::path& folder) {
   const fs::path certificate = folder / "authority.pem", key = folder / "authority.key";
   std::error_code ignored;
@@ -41,18 +51,33 @@ transport::Certified authority_in(const fs::path& folder) {
   return made;
 }
 
-}  // namespace
+// The user's password, as the folder has it; else a new one, which it keeps. True: it had it.
+bool give_password(transport::BrokerUser& user, const fs::path& folder, const transport::Certified& authority) {
+  const fs::path file = folder / (user.name + ".keys");
+  std::error_code ignored;
+  const bool is_known = fs::exists(file, ignored);
+  user.password = is_known ? runtime::read_program_keys(file).password : transport::random_password();
+  if (!is_known) write_file(file, runtime::encode({user.name, user.password, authority.certificate}));
+  return is_known;
+}
 
-ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments) {
-  const PrivateFiles only_for_us;
-  const fs::path& folder = arguments.out;
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error)
-    throw Error(ErrorCode::kCannotWrite, "the folder for keys cannot be made: " + error.message(), folder.string(),
-                "name another one in --out");
-  const transport::Certified authority = authority_in(folder);
-  std::vector<std::string> hosts = arguments.hosts;
+// Host and port of "nats://host:port".
+std::pair<std::string, int> address_of(const runtime::EdgeEntry& edge) {
+  const std::size_t scheme = edge.broker.find("://"), begin = scheme == std::string::npos ? 0 : scheme + 3;
+  const std::size_t colon = edge.broker.rfind(':');
+  const std::string port = colon == std::string::npos || colon < begin ? "" : edge.broker.substr(colon + 1);
+  const bool is_number = !port.empty() && port.size() < 6 && port.find_first_not_of("0123456789") == std::string::npos;
+  const int number = is_number ? std::stoi(port) : 0;
+  if (number < 1 || number > 65535 || colon == begin)
+    throw Error(ErrorCode::kBadInput, "the broker of edge '" + edge.id + "' has no address", edge.broker,
+                "write it as in nats://10.0.0.2:4222");
+  return {edge.broker.substr(begin, colon - begin), number};
+}
+
+// What a server in this folder shows of itself, into the folder.
+transport::BrokerOptions broker_in(const fs::path& folder, const transport::Certified& authority,
+                                   std::vector<std::string> hosts, int port) {
+  make_folder(folder);
   hosts.insert(hosts.end(), {"localhost", "127.0.0.1"});
   const transport::Certified broker = transport::make_server_certificate(authority, hosts, kBrokerDays);
   write_file(folder / "broker.pem", broker.certificate);
@@ -60,28 +85,59 @@ ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments)
   transport::BrokerOptions options;
   options.folder = ".";
   options.host = "0.0.0.0";
-  options.port = arguments.port;
+  options.port = port;
   options.certificate = "broker.pem";
   options.key = "broker.key";
-  options.users = runtime::users_of(deployment.plan, is_coordinated(deployment));
-  std::size_t kept = 0;
-  for (transport::BrokerUser& user : options.users) {
-    const fs::path file = folder / (user.name + ".keys");
-    if (fs::exists(file, error)) {
-      user.password = runtime::read_program_keys(file).password;
-      ++kept;
-      continue;
+  return options;
+}
+
+}  // namespace
+
+ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments) {
+  const PrivateFiles only_for_us;
+  const fs::path& folder = arguments.out;
+  const runtime::RunConfiguration& configuration = deployment.loaded.configuration;
+  make_folder(folder);
+  const transport::Certified authority = authority_in(folder);
+  std::set<std::string> users, kept;
+  const auto give_passwords = [&](std::vector<transport::BrokerUser> all) {
+    for (transport::BrokerUser& user : all)
+      if (give_password(user, folder, authority) && users.count(user.name) == 0) kept.insert(user.name);
+    for (const transport::BrokerUser& user : all) users.insert(user.name);
+    return all;
+  };
+  transport::BrokerOptions hub = broker_in(folder, authority, arguments.hosts, arguments.port);
+  hub.users = give_passwords(runtime::users_of(configuration, deployment.plan));
+  std::string leaves;
+  for (const TierId& id : deployment.plan.edges) {
+    const runtime::EdgeEntry edge = runtime::edge_entry(configuration, id);
+    if (edge.broker.empty()) continue;
+    if (!hub.leaf_user) {
+      hub.domain = runtime::kHubDomain;
+      hub.leaf_port = arguments.leaf_port;
+      hub.leaf_user = transport::BrokerUser{"leaf", "", {}, {}};
+      give_password(*hub.leaf_user, folder, authority);
     }
-    user.password = transport::random_password();
-    write_file(file, runtime::encode({user.name, user.password, authority.certificate}));
+    const auto [host, port] = address_of(edge);
+    const fs::path own = folder / ("broker-of-" + id.str());
+    transport::BrokerOptions leaf = broker_in(own, authority, {host}, port);
+    write_file(own / "authority.pem", authority.certificate);
+    leaf.hub_ca = "authority.pem";
+    leaf.domain = runtime::domain_of(edge);
+    leaf.hubs = {"tls://leaf:" + hub.leaf_user->password + "@" + arguments.hosts.front() + ":" +
+                 std::to_string(arguments.leaf_port)};
+    leaf.users = give_passwords(runtime::users_of(configuration, deployment.plan, id));
+    write_file(own / "broker.conf", transport::broker_configuration(leaf));
+    leaves += "broker of edge " + id.str() + ": copy " + own.filename().string() + " to " + host +
+              ", and in it: nats-server -c broker.conf\n";
   }
-  write_file(folder / "broker.conf", transport::broker_configuration(options));
-  std::cout << options.users.size() << " users"
-            << (kept > 0 ? ", " + std::to_string(kept) + " of them known before" : "")
+  write_file(folder / "broker.conf", transport::broker_configuration(hub));
+  std::cout << users.size() << " users"
+            << (kept.empty() ? "" : ", " + std::to_string(kept.size()) + " of them known before")
             << ": each program's file is NAME.keys; its machine gets that file, and live.keys names it\n"
-            << "broker: copy broker.conf, broker.pem and broker.key to a folder on " << hosts.front()
+            << "broker: copy broker.conf, broker.pem and broker.key to a folder on " << arguments.hosts.front()
             << ", and there: nats-server -c broker.conf\n"
-            << "programs: live.broker: nats://" << hosts.front() << ":" << arguments.port << "\n"
+            << leaves << "programs: live.broker: nats://" << arguments.hosts.front() << ":" << arguments.port << "\n"
             << "authority.key signs brokers' certificates: keep it here\n"
             << "keys: " << folder.string() << "\n";
   return ExitCode::done;

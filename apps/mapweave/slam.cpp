@@ -22,7 +22,7 @@ Action set_up_slam(CLI::App& verb) {
   };
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("LOG", arguments->log,
-                  "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+                  "MRPT rawlog, ROS bag, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
   verb.add_option("--sensor", arguments->sensor, runtime::kSensorChoiceText)
       ->check(one_of({runtime::kSensorChoices.begin(), runtime::kSensorChoices.end()}));

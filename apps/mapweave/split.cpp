@@ -1,9 +1,10 @@
-// mapweave split: the logs of several robots out of one, cut by time.
+// mapweave split: the logs of several robots out of one, cut by time, or of a bag by namespaces.
 
 #include "command_line.h"
 #include "configuration.h"
 #include "misplaced_input.h"
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/options.h>
 #include <mapweave/rawlog/split.h>
@@ -24,6 +25,7 @@ struct Arguments {
   WritingFlags flags;
   std::string log;
   rawlog::SplitOptions options;
+  bool by_namespace = false;
 };
 
 // What --set can reach.
@@ -48,6 +50,7 @@ std::string effective(const Arguments& arguments, const Settings& settings) {
     std::snprintf(text, sizeof text, "%s%.9f", cuts.empty() ? "" : ", ", at);
     cuts += text;
   }
+  if (arguments.by_namespace) return to_yaml(settings);
   return "robots: " + std::to_string(arguments.options.robots) + "\noverlap_s: " + number(arguments.options.overlap_s) +
          "\nat_s: [" + cuts + "]\n" + to_yaml(settings);
 }
@@ -62,7 +65,10 @@ ExitCode split(Arguments arguments) {
   expect_outside(arguments.flags.out, {arguments.log});
   OutputFolder folder(arguments.flags.out, arguments.flags.force);
   const auto progress = make_terminal_progress();
-  const auto parts = rawlog::split_log(arguments.log, folder.staging(), arguments.options, *progress);
+  const auto parts =
+      arguments.by_namespace
+          ? rawlog::split_by_namespace(arguments.log, folder.staging(), arguments.options.reading, *progress)
+          : rawlog::split_log(arguments.log, folder.staging(), arguments.options, *progress);
   // A configuration that maps the parts as they are.
   std::string run = "robots:\n";
   Json summary = Json::array();
@@ -102,21 +108,31 @@ ExitCode split(Arguments arguments) {
 Action set_up_split(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("LOG", arguments->log,
-                  "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+                  "MRPT rawlog, ROS bag, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
-  verb.add_option("--robots", arguments->options.robots, "how many logs to make")
-      ->required()
-      ->check(whole_number(1, 1000))
-      ->type_name("N");
+  CLI::Option* robots =
+      verb.add_option("--robots", arguments->options.robots, "how many logs to make, cut by time; or --by-namespace")
+          ->check(whole_number(1, 1000))
+          ->type_name("N");
+  CLI::Option* by_namespace =
+      verb.add_flag("--by-namespace", arguments->by_namespace,
+                    "a log for each robot of a ROS bag, by the namespaces of their topics; nothing is cut")
+          ->excludes(robots);
   verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
       ->check(number(0.0))
+      ->excludes(by_namespace)
       ->type_name("SECONDS");
   verb.add_option("--at", arguments->options.at_s,
                   "where to cut, N - 1 times, in the log's own seconds; without it: equal durations")
+      ->excludes(by_namespace)
       ->type_name("T")
       ->allow_extra_args(false);
   add_writing_flags(verb, arguments->flags);
-  return [arguments] {
+  return [arguments, robots] {
+    if (robots->count() == 0 && !arguments->by_namespace)
+      throw Error(
+          ErrorCode::kUsage, "neither --robots nor --by-namespace says what to make", "split",
+          "cut by time with --robots N; of a ROS bag of several robots, make a log of each with --by-namespace");
     expect_log(arguments->log, "split");
     return split(*arguments);
   };

@@ -41,7 +41,7 @@ PLAIN_IN_TEXTS = {"way", "ways", "tell", "tells", "lengths", "tie", "ties"}
 
 # Identifiers, and texts that are nothing else, that have such a word for a reason.
 EXCEPTIONS = {
-    "bind": "databases' word for giving a statement its parameters (mapdb)",
+    "bind": "databases' word for giving a statement its parameters (`core/sqlite.h`)",
     "bind_bytes": "as bind",
     "bind_text": "as bind",
     "bind_to_port": "a function of cpp-httplib",

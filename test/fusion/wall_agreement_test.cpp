@@ -166,6 +166,33 @@ TEST(TeamAudit, takes_furniture_that_moved_for_no_ghost) {
   region.coinciding_m = 6.0;
   region.contradicted_m = 10.0;
   EXPECT_TRUE(is_ghost(region));
+  region.coinciding_m = 20.0;
+  region.contradicted_m = 6.0;
+  EXPECT_TRUE(is_ghost(region));
+  EXPECT_FALSE(is_ghost(region, kGhostBeforeSolution)) << "scans are matched again, which may mend it";
+}
+
+// Regions lie where the team's frame has its origin; what is in doubt lies where the maps disagree.
+TEST_F(WallAgreementOfTwoRobots, holds_what_is_in_doubt_against_the_walls_around_it_wherever_regions_end) {
+  const Pose2 aside{0.7, 0.7, 0.0};
+  double least_m = 1e300, most_m = 0.0;
+  for (const double shift_m : {0.0, 6.0, 12.0, 18.0}) {
+    const Pose2 frame{shift_m, 0.5 * shift_m, 0.0};
+    const auto regions =
+        compare_by_region({one_.at(frame, 0), other_at(compose(frame, compose(one_from_other(), aside)))}, sight_of_);
+    RegionAgreement most;
+    for (const RegionAgreement& region : regions) {
+      const RegionAgreement around = region.centred();
+      EXPECT_LE(std::abs(around.x_m - region.x_m), 0.5 * RegionAgreement::kSide_m + 1.0) << "its middle is in it";
+      EXPECT_LE(std::abs(around.y_m - region.y_m), 0.5 * RegionAgreement::kSide_m + 1.0);
+      if (in_doubt_m(around) > in_doubt_m(most)) most = around;
+    }
+    EXPECT_GT(most.coinciding_m, 0.0);
+    least_m = std::min(least_m, in_doubt_m(most));
+    most_m = std::max(most_m, in_doubt_m(most));
+  }
+  EXPECT_GT(least_m, 4.0);
+  EXPECT_LT(most_m, 1.3 * least_m);
 }
 
 TEST_F(WallAgreementOfTwoRobots, rests_on_a_sight_that_says_what_the_model_does) {

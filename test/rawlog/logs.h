@@ -66,6 +66,7 @@ inline std::string bytes_of(const std::filesystem::path& path) {
 }
 
 inline std::filesystem::path write_bytes(const std::filesystem::path& path, const std::string& bytes) {
+  std::filesystem::remove(path);  // ext4 syncs a file that was truncated, not a new one
   std::ofstream(path, std::ios::binary) << bytes;
   return path;
 }

@@ -299,9 +299,6 @@ TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
   RunConfiguration sharing = configuration;
   sharing.server.share = tiers::Sharing::view;
   EXPECT_THROW(expect_live(sharing, plan), Error);
-  RunConfiguration with_cameras = configuration;
-  with_cameras.sensor = "all";
-  EXPECT_THROW(expect_live(with_cameras, plan), Error);
   RunConfiguration moved = configuration;
   moved.robots.front().log = "elsewhere.rawlog";
   moved.output.png = false;

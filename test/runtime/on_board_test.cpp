@@ -91,6 +91,30 @@ TEST(RobotRecord, keeps_all_that_cameras_left) {
   EXPECT_TRUE(cameras.maps[0].rig.optimised);
 }
 
+// A robot whose laser left a map and whose cameras saw nothing.
+TEST(RobotRecord, keeps_what_is_wrong_with_cameras_apart_from_the_laser) {
+  RobotRecord record = record_of_cameras();
+  record.trouble.reset();
+  record.has_laser_map = true;
+  record.camera_trouble = Error(ErrorCode::kBadInput, "nothing was tracked", "alpha.rawlog");
+  record.cameras->maps.clear();
+  const std::string bytes = encode(record);
+  RobotRecord back = decode_robot_record(bytes, "test");
+  EXPECT_EQ(encode(back), bytes);
+  PlannedRobot robot;
+  robot.id = kAlpha;
+  Map map;
+  map.id = MapId("alpha");
+  const RobotResult result = result_of(std::move(back), {map}, robot, {});
+  EXPECT_FALSE(result.outcome.trouble) << "it is mapped by its laser alone";
+  ASSERT_TRUE(result.outcome.map);
+  EXPECT_EQ(result.outcome.map->id, map.id);
+  EXPECT_TRUE(result.cameras.trouble);
+  json broken = json::parse(bytes);
+  broken["has_laser_map"] = "yes";
+  EXPECT_THAT(message_of([&] { decode_robot_record(broken.dump(), "robot alpha"); }), HasSubstr("true or false"));
+}
+
 TEST(RobotRecord, refuses_what_no_cameras_left) {
   const json whole = json::parse(encode(record_of_cameras()));
   const auto refusal = [&](const std::string& place, const json& value) {

@@ -18,6 +18,10 @@ RUNS = {
     "lost": ("slam", "{written}/lost.log"),
     "g2o": ("slam", "{written}/unstamped.g2o"),
     "folder": ("slam", "{folder}/alpha_camera", "sensor=rgbd"),
+    "bag": ("slam", "{written}/robot.bag"),
+    "bags": ("slam", "{written}/robots.bag", "reading.robot_namespace=alpha"),
+    "rings": ("slam", "{written}/rings.bag"),
+    "clouds": ("slam", "{written}/clouds.bag"),
     "team": ("run", "{lasers}/run.yaml"),
     "merged": ("merge", "{maps}/robots/alpha/map.mwdb", "{maps}/robots/beta/map.mwdb", "output.g2o=true"),
     "alike": ("merge", "{doubles}/robots/alpha/map.mwdb", "{doubles}/robots/beta/map.mwdb", "output.g2o=true"),
@@ -39,7 +43,7 @@ RUNS = {
 }
 
 # Those that take seconds, for a look at each build.
-QUICK_RUNS = ("timeline", "carmen", "late", "g2o", "slip", "jump", "lost", "swept", "folder", "team")
+QUICK_RUNS = ("timeline", "carmen", "late", "g2o", "slip", "jump", "lost", "swept", "folder", "bag", "bags", "rings", "clouds", "team")
 
 CASES = {
     "lasers": """
@@ -200,6 +204,17 @@ reading.max_range_m 3
     "late": "reading.reorder_window_s 0.1",
     "g2o": "reading.scan_rate_hz 5",
     "folder": "reading.max_pair_s 0",
+    "bag": """
+reading.topics [/scan]; reading.use_tf=false
+reading.robot_frame laser
+reading.use_tf false
+""",
+    "bags": "reading.robot_namespace beta",
+    "rings": "reading.cloud_ring 2",
+    "clouds": """
+reading.cloud_low_m -0.3
+reading.cloud_high_m 0.3
+""",
     "team": """
 robots.0.id gamma
 robots.0.log {written}/room.log
@@ -485,6 +500,7 @@ processors.cloud 0.1
 
 # Options that must not change a result. Those that stand in a case as well are tried.
 WITHOUT_EFFECT = {
+    "edges.broker": "of programs that talk (serve), not of a run; serve_keys_test.py",
     "live.broker": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.keys": "of programs that talk (serve), not of a run; serve_keys_test.py",
     "live.unprotected": "of programs that talk (serve), not of a run; serve_keys_test.py",

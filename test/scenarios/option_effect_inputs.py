@@ -1,4 +1,5 @@
 """What the runs of option_effect_cases.py work on: simulated worlds, what the program makes of them, and logs written by hand."""
+import ros1_bags
 import support
 
 CAMERA = "kind: {}, width: {}, height: {}, fx: {}, fy: {}, frames_per_second: {}"
@@ -146,3 +147,8 @@ WRITTEN["trace.csv"] = "0,1000\n5,2000\n"
 # The wheels slip by 0.5 m to the side; by 3 m within 0.2 s.
 WRITTEN["slip.log"] = room_log(lambda i: (0.0, 0.5 if i > 10 else 0.0))
 WRITTEN["jump.log"] = room_log(lambda i: (3.0 if i > 10 else 0.0, 0.0))
+# ROS: a robot, two robots in one bag, clouds with and without rings.
+WRITTEN["robot.bag"] = ros1_bags.bag(ros1_bags.drive(20))
+WRITTEN["robots.bag"] = ros1_bags.bag(ros1_bags.drive(20, "alpha") + ros1_bags.drive(20, "beta", 1.0))
+WRITTEN["rings.bag"] = ros1_bags.bag(ros1_bags.cloud_drive(True))
+WRITTEN["clouds.bag"] = ros1_bags.bag(ros1_bags.cloud_drive(False))

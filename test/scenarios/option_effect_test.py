@@ -86,7 +86,7 @@ class Laboratory:
         for name, text in WRITTEN.items():
             path = self.places["written"] / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
+            path.write_bytes(text if isinstance(text, bytes) else text.encode())
 
     def once(self, key, make):
         with self.lock:

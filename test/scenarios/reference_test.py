@@ -4,7 +4,7 @@ import re
 import support
 
 # Numbers that are no more or less of something.
-NO_AMOUNTS = {"seed", "x_m", "y_m", "yaw_rad", "laser_x_m", "laser_y_m", "laser_yaw_rad", "sweep_stamp", "page_port"}
+NO_AMOUNTS = {"seed", "x_m", "y_m", "yaw_rad", "laser_x_m", "laser_y_m", "laser_yaw_rad", "sweep_stamp", "page_port", "cloud_ring"}
 
 
 def numbers_of(reference):

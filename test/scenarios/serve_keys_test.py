@@ -46,8 +46,8 @@ class ServeKeys(serve_test.WithBroker):
     def make_keys(self, port, code=support.DONE):
         return self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", port, "--out", "keys", code=code)
 
-    def start_guarded_broker(self, port):
-        broker = subprocess.Popen([serve_test.BROKER, "-c", "broker.conf"], cwd=self.folder / "keys", stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    def start_guarded_broker(self, port, folder="keys"):
+        broker = subprocess.Popen([serve_test.BROKER, "-c", "broker.conf"], cwd=self.folder / folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.addCleanup(broker.wait)
         self.addCleanup(broker.kill)
         end = time.monotonic() + 20 * support.PATIENCE
@@ -63,7 +63,7 @@ class ServeKeys(serve_test.WithBroker):
         self.mapweave("run", "logs/run.yaml", "--out", "run", code=(support.DONE, support.APART))
         port = serve_test.free_port()
         made = self.make_keys(port)
-        self.assertIn("5 users", made.stdout)
+        self.assertIn("7 users", made.stdout)
         for path in (self.folder / "keys").iterdir():
             self.assertEqual(stat.S_IMODE(path.stat().st_mode) & 0o077, 0, f"{path.name} can be read by others")
         self.start_guarded_broker(port)
@@ -89,6 +89,13 @@ class ServeKeys(serve_test.WithBroker):
             self.assertTrue(program["status"]["tiers"][0]["is_done"], name)
             self.assertLess(abs(program["clock_offset_seconds"]), 1.0, name)
 
+        worker = self.start("worker", "--cluster", f"nats://127.0.0.1:{port}", "--keys", "keys/worker.keys")
+        self.mapweave("run", "logs/run.yaml", "--cluster", f"nats://127.0.0.1:{port}", "--set", "live.keys=keys/run.keys", "--out", "spread",
+                      code=(support.DONE, support.APART), seconds=120)
+        self.assert_same_map("spread", "run")
+        worker.terminate()
+        self.assertIn("2 robots mapped", self.end(worker)[1])
+
         keys = self.read_json("keys/robot-alpha.keys")
         alpha = Broker(port, keys)
         self.assertNotIn("Violation", alpha.answer("PUB mw.edge_north_up.0.alpha 1\r\nx"))
@@ -99,12 +106,44 @@ class ServeKeys(serve_test.WithBroker):
             self.assertIn("Permissions Violation for Subscription", alpha.answer(f"SUB {subject} 1"), subject)
         self.assertIn("Authorization Violation", Broker(port, {**keys, "password": "wrong"}).answer())
 
+    def test_an_edge_with_its_own_broker_works_before_the_cloud_is_there(self):
+        self.mapweave("simulate", self.write("world.yaml", WORLD.replace("id: beta, edge: north", "id: beta, edge: south")), "--out", "logs")
+        self.mapweave("run", "logs/run.yaml", "--out", "run", code=(support.DONE, support.APART))
+        hub, leaf, leaves = (serve_test.free_port() for _ in range(3))
+        run = self.folder / "logs/run.yaml"
+        run.write_text(run.read_text() + f"edges: [{{id: north, broker: 'nats://127.0.0.1:{leaf}'}}, {{id: south}}]\n")
+        made = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", hub, "--leaf-port", leaves, "--out", "keys")
+        self.assertIn("8 users: ", made.stdout)
+        self.assertIn("broker of edge north: copy broker-of-north to 127.0.0.1", made.stdout)
+        talk = ["--set", f"live.broker=nats://127.0.0.1:{hub}", "--set", "live.speed=0"]
+
+        def start(role, name, *arguments):
+            return self.start("serve", role, "logs/run.yaml", *arguments, *talk, "--set", f"live.keys=keys/{name}.keys")
+
+        self.start_guarded_broker(leaf, "keys/broker-of-north")
+        edges = [start("edge", "edge-north", "--name", "north")]
+        self.end(start("robot", "robot-alpha", "--name", "alpha"))  # while neither the cloud nor its broker is there
+        self.start_guarded_broker(hub)
+        edges.append(start("edge", "edge-south", "--name", "south"))
+        robot = start("robot", "robot-beta", "--name", "beta")
+        cloud = start("cloud", "cloud", "--out", "live")
+        self.end(robot)
+        self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
+        for edge in edges:
+            self.end(edge)
+        self.assert_same_map("live", "run")
+        look = ["doctor", "logs/run.yaml", "--json", *talk[:2], "--set", "live.keys=keys/doctor.keys"]
+        found = json.loads(self.mapweave(*look).stdout)
+        self.assertTrue(found["is_healthy"], found)
+        self.assertEqual([program["program"] for program in found["deployment"]["programs"] if program["silent_seconds"] is None], [],
+                         "alpha had ended before the cloud's broker began")
+
     def test_a_coordinator_with_keys_gives_robots_to_edges(self):
         self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
         run = self.folder / "logs/run.yaml"
         run.write_text(re.sub(r', edge: "\w+"', "", run.read_text()) + "\nedges: [{id: north}, {id: south}]\ncoordinator: {method: default, overlap_period_s: 2}\n")
         port = serve_test.free_port()
-        self.assertIn("7 users", self.make_keys(port).stdout)
+        self.assertIn("9 users", self.make_keys(port).stdout)
         self.start_guarded_broker(port)
         talk = ["--set", f"live.broker=nats://127.0.0.1:{port}", "--set", "live.speed=0"]
         start = lambda role, user, *rest: self.start("serve", role, "logs/run.yaml", *rest, *talk, "--set", f"live.keys=keys/{user}.keys")
@@ -130,14 +169,17 @@ class ServeKeys(serve_test.WithBroker):
         before = {path.name: path.read_bytes() for path in (self.folder / "keys").glob("*.keys")}
         run = self.folder / "logs/run.yaml"
         run.write_text(run.read_text() + '  - {id: "gamma", log: "alpha.rawlog", edge: "south"}\n')
-        self.assertIn("7 users, 5 of them known before", self.make_keys(4222).stdout)
+        self.assertIn("9 users, 7 of them known before", self.make_keys(4222).stdout)
         for name, content in before.items():
             self.assertEqual((self.folder / "keys" / name).read_bytes(), content)
         configuration = self.read_json("keys/broker.conf")
         self.assertEqual({user["user"] for user in configuration["authorization"]["users"]},
-                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud", "doctor"})
+                         {"robot-alpha", "robot-beta", "robot-gamma", "edge-north", "edge-south", "cloud", "doctor", "worker", "run"})
         done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "no host", "--out", "other", code=support.BAD_INPUT)
         self.assert_says(done, "'no host' is neither a host's name nor an IP address")
+        done = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--out", "other", "--set", "edges=[{id: north, broker: here}, {id: south}]",
+                             code=support.BAD_INPUT)
+        self.assert_says(done, "the broker of edge 'north' has no address", "nats://10.0.0.2:4222")
         far = ["serve", "robot", "logs/run.yaml", "--name", "alpha", "--set", "live.broker=nats://192.0.2.1:4222"]
         self.assert_says(self.mapweave(*far, code=support.BAD_INPUT), "no keys", "serve keys", "live.unprotected")
         self.assert_says(self.mapweave(*far, "--set", "live.keys=nowhere.keys", code=support.BAD_INPUT), "nowhere.keys")

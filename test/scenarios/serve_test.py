@@ -136,11 +136,11 @@ class Serve(WithBroker):
         self.assert_same_map("live", "run")
         self.assertFalse((self.folder / "mapweave-store").exists(), "what was received is in the results")
 
-    def test_cameras_map_on_their_robots_and_the_map_is_the_one_of_a_run(self):
+    def map_on_board(self, sensor):
         self.mapweave("simulate", self.write("world.yaml", CAMERA_WORLD), "--out", "logs")
-        by_cameras = ["--set", "sensor=cameras"]
-        self.mapweave("run", "logs/run.yaml", "--out", "run", *by_cameras, code=(support.DONE, support.APART))
-        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=0", *by_cameras]
+        with_sensor = ["--set", f"sensor={sensor}"]
+        self.mapweave("run", "logs/run.yaml", "--out", "run", *with_sensor, code=(support.DONE, support.APART))
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=0", *with_sensor]
         cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk)
         edge = self.start("serve", "edge", "logs/run.yaml", *talk)
         robots = [self.start("serve", "robot", "logs/run.yaml", "--name", name, *talk) for name in ("alpha", "beta")]
@@ -149,7 +149,15 @@ class Serve(WithBroker):
         self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
         self.end(edge)
         self.assert_same_map("live", "run")
+
+    def test_cameras_map_on_their_robots_and_the_map_is_the_one_of_a_run(self):
+        self.map_on_board("cameras")
         self.assertIn("robots/beta/frames.png", self.outputs("live"))
+
+    def test_a_laser_and_cameras_map_on_their_robot_and_the_map_is_the_one_of_a_run(self):
+        self.map_on_board("all")
+        for name in ("robots/beta/cameras/map.png", "robots/beta/cameras/frames.png", "robots/beta/map.pgm"):
+            self.assertIn(name, self.outputs("live"))
 
     def test_the_demo_leaves_what_a_run_leaves(self):
         demo = self.mapweave("serve", "demo", "--out", "demo", "--speed", 8, seconds=150)

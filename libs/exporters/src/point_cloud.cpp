@@ -76,7 +76,7 @@ void add_walls(const OccupancyGrid& grid, const Pose3& map_from_node, std::size_
 
 }  // namespace
 
-std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
+std::vector<ColouredPoint> map_cloud(const Map& map, const PointCloudOptions& options) {
   MAPWEAVE_EXPECT(options.voxel_m > 0.0, "voxels have a size");
   const std::vector<RobotId> robots = map.robots();
   Thinning thinning(options.voxel_m);
@@ -100,8 +100,10 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
   }
   const auto landmarks = landmark_cloud(map);
   points.insert(points.end(), landmarks.begin(), landmarks.end());
-  return pcd_bytes(points);
+  return points;
 }
+
+std::string pcd_bytes(const Map& map, const PointCloudOptions& options) { return pcd_bytes(map_cloud(map, options)); }
 
 std::vector<ColouredPoint> landmark_cloud(const Map& map) {
   std::vector<ColouredPoint> points;

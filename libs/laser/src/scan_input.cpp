@@ -3,6 +3,7 @@
 #include <mapweave/core/log.h>
 #include <mapweave/laser/mapper_protocol.h>
 #include <mapweave/laser/scan_input.h>
+#include <mapweave/rawlog/scan_sweep.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CObservationOdometry.h>
 
@@ -17,6 +18,7 @@ constexpr double kFarthest_m =
     200.0;  // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
 constexpr double kJump_m = 1.0;            // beyond what the top speed allows
 constexpr double kFarthestJump_m = 100.0;  // however long nothing was recorded
+constexpr double kSweepStep_s = 0.001;
 constexpr double kInertialEvery_s = 0.039;
 constexpr double kFastest_rad_s = 4000.0;  // degrees, too: found out later
 
@@ -46,10 +48,14 @@ std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan
   if (!std::isfinite(pose.yaw() + pose.pitch() + pose.roll()) || !(pose.norm() < kFarthest_m)) return std::nullopt;
   geometry.robot_from_laser = pose_from_mrpt(pose);
   if (options.sweep == SweepSource::given && options.sweep_s > 0.0) {
-    // MRPT's scans do not say how long they took; their rays stand in the order in which the laser turns.
+    // Their rays stand in the order in which the laser turns.
     const bool along = options.sweep_order == SweepOrder::along_rays;
     geometry.ray_step_s = (along ? options.sweep_s : -options.sweep_s) / static_cast<double>(rays - 1);
     geometry.first_ray_s = options.sweep_s * ((along ? 0.0 : 1.0) - options.sweep_stamp);
+  } else if (options.sweep == SweepSource::automatic) {
+    // Rounded: lasers whose speed varies a little would have a geometry for each scan.
+    const double sweep_s = kSweepStep_s * std::round(1e-9 * static_cast<double>(rawlog::sweep_ns(scan)) / kSweepStep_s);
+    geometry.ray_step_s = sweep_s / static_cast<double>(rays - 1);
   }
   return geometry;
 }

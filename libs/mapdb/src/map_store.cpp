@@ -1,5 +1,6 @@
 #include <fcntl.h>
 #include <mapweave/core/error.h>
+#include <mapweave/core/sqlite_file.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/maps/member_update.h>
 #include <unistd.h>
@@ -9,7 +10,6 @@
 #include <iterator>
 #include <tuple>
 
-#include "sqlite_file.h"
 #include "store_index.h"
 
 namespace mapweave::mapdb {

@@ -1,10 +1,10 @@
 #pragma once
 // What a store holds beside its blobs: small, and sealed by one hash.
 
-#include <mapweave/mapdb/map_store.h>
-
 #include "packed_blob.h"
-#include "sqlite.h"
+
+#include <mapweave/core/sqlite.h>
+#include <mapweave/mapdb/map_store.h>
 
 namespace mapweave::mapdb {
 

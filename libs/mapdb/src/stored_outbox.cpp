@@ -1,6 +1,6 @@
 #include "packed_blob.h"
-#include "sqlite.h"
 
+#include <mapweave/core/sqlite.h>
 #include <mapweave/mapdb/stored_outbox.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #include "packed_blob.h"
-#include "sqlite.h"
-#include "sqlite_file.h"
 
+#include <mapweave/core/sqlite.h>
+#include <mapweave/core/sqlite_file.h>
 #include <mapweave/mapdb/update_journal.h>
 
 #include <stdlib.h>

@@ -1,7 +1,9 @@
 #include "formats.h"
 #include "ordered_stream.h"
 #include "picture_file.h"
+#include "ros/bag_contents.h"
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/rawlog/contents.h>
@@ -133,11 +135,18 @@ void add_camera(const mrpt::obs::CObservation& observation, std::optional<Record
 }  // namespace
 
 LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& options) {
-  auto opened = open_source(log, options);
-  const auto stream = make_ordered_stream(std::move(opened.source), options);
-
   LogContents contents;
-  contents.format = opened.format;
+  contents.topics = ros::topics_of_bag(log, options);
+  contents.format = format_of_log(log);
+  OpenedLog opened;
+  try {
+    opened = open_source(log, options);
+  } catch (const Error& error) {
+    if (contents.topics.empty()) throw;
+    contents.trouble = error.what();
+    return contents;
+  }
+  const auto stream = make_ordered_stream(std::move(opened.source), options);
   std::vector<Sensor> sensors;
   UnitCheck units;
   const auto note = [&](const std::vector<UnitDoubt>& doubts) {

@@ -21,6 +21,8 @@ TimeRange part_of(const std::vector<Stamp>& cuts, int part, const SplitOptions& 
 // Throws Error kBadInput for cuts outside the log and for parts without observations.
 void expect_parts(const std::filesystem::path& log, const std::vector<Stamp>& cuts, const TimeRange& range,
                   const std::vector<SplitPart>& parts);
+// One more observation of a part.
+void count_observation(const mrpt::obs::CObservation& observation, SplitPart& part);
 void make_folder(const std::filesystem::path& folder);  // throws Error kCannotWrite
 
 std::vector<SplitPart> split_folder(const std::filesystem::path& folder, const std::filesystem::path& out_folder,

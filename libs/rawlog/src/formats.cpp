@@ -3,6 +3,10 @@
 #include "byte_source.h"
 #include "camera_folder.h"
 #include "ordered_stream.h"
+#include "ros/bag_formats.h"
+#include "ros/mcap_reader.h"
+#include "ros/ros1_bag.h"
+#include "ros/rosbag2_storage.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/rawlog/contents.h>
@@ -14,6 +18,7 @@ namespace mapweave::rawlog {
 namespace {
 
 constexpr std::size_t kStartBytes = 1 << 16;
+constexpr const char* kRosbag2Folder = "rosbag2 folder";
 
 std::string extension_of(const std::filesystem::path& path) {
   auto name = path.filename();
@@ -31,6 +36,9 @@ const std::vector<Format>& formats() {
       {"MRPT rawlog", {".rawlog"}, is_rawlog, open_rawlog},
       {"g2o", {".g2o"}, is_g2o, open_g2o},
       {"CARMEN log", {".log", ".clf"}, is_carmen, open_carmen},
+      {"ROS 1 bag", {".bag"}, ros::is_ros1_bag, ros::open_bag_log},
+      {"MCAP recording", {".mcap"}, ros::is_mcap, ros::open_bag_log},
+      {"rosbag2 recording", {".db3"}, ros::is_db3, ros::open_bag_log},
   };
   return all;
 }
@@ -62,6 +70,7 @@ const Format& recognise(ByteSource& bytes) {
 
 OpenedLog open_source(const std::filesystem::path& path, const ReadOptions& options) {
   std::error_code ignored;
+  if (ros::is_rosbag2_folder(path)) return {kRosbag2Folder, ros::open_bag_folder(path, options)};
   if (std::filesystem::is_directory(path, ignored)) {
     const FolderLayout& layout = recognise_folder(path);
     return {layout.name, open_folder(layout.read(path, options))};
@@ -76,10 +85,16 @@ std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, c
 }
 
 std::string format_of_log(const std::filesystem::path& log) {
+  if (ros::is_rosbag2_folder(log)) return kRosbag2Folder;
   std::error_code ignored;
   if (std::filesystem::is_directory(log, ignored)) return recognise_folder(log).name;
   ByteSource bytes(log);
   return recognise(bytes).name;
+}
+
+bool is_picture_folder(const std::filesystem::path& log) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(log, ignored) && !ros::is_rosbag2_folder(log);
 }
 
 bool truth_follows_camera(const std::filesystem::path& log) {

@@ -26,7 +26,7 @@ const std::vector<Format>& formats();
 const Format& recognise(ByteSource& bytes);
 
 struct OpenedLog {
-  const char* format;
+  const char* format = "";
   std::unique_ptr<RecordSource> source;
 };
 // Of a file or a folder.

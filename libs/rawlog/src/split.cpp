@@ -3,6 +3,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/geometry.h>
+#include <mapweave/rawlog/contents.h>
 #include <mapweave/rawlog/rawlog_writer.h>
 #include <mapweave/rawlog/split.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
@@ -68,12 +69,6 @@ TimeRange range_of(const std::filesystem::path& log, const SplitOptions& options
   return range;
 }
 
-bool is_frame(const mrpt::obs::CObservation& observation) {
-  return dynamic_cast<const mrpt::obs::CObservationImage*>(&observation) != nullptr ||
-         dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation) != nullptr ||
-         dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(&observation) != nullptr;
-}
-
 // One robot's log while it is written.
 class PartWriter {
  public:
@@ -83,10 +78,10 @@ class PartWriter {
 
   void offer(const Record& record) {
     if (record.stamp < begin_ || !(record.stamp < end_)) return;
-    if (part_.observations++ == 0) part_.first = record.stamp;
+    if (part_.observations == 0) part_.first = record.stamp;
     part_.last = record.stamp;
+    count_observation(*record.observation, part_);
     if (const auto* odometry = dynamic_cast<const mrpt::obs::CObservationOdometry*>(record.observation.get())) {
-      ++part_.odometry;
       const Pose2 pose = odometry->odometry.asTPose();
       const Pose2& origin = origins_.try_emplace(odometry->sensorLabel, pose).first->second;
       mrpt::obs::CObservationOdometry restarted = *odometry;
@@ -94,8 +89,6 @@ class PartWriter {
       writer_.add(restarted);
       return;
     }
-    part_.scans += dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(record.observation.get()) != nullptr;
-    part_.frames += is_frame(*record.observation);
     writer_.add(*record.observation);
   }
   void close() { writer_.close(); }
@@ -109,6 +102,15 @@ class PartWriter {
 };
 
 }  // namespace
+
+void count_observation(const mrpt::obs::CObservation& observation, SplitPart& part) {
+  ++part.observations;
+  part.odometry += dynamic_cast<const mrpt::obs::CObservationOdometry*>(&observation) != nullptr;
+  part.scans += dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(&observation) != nullptr;
+  part.frames += dynamic_cast<const mrpt::obs::CObservationImage*>(&observation) != nullptr ||
+                 dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation) != nullptr ||
+                 dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(&observation) != nullptr;
+}
 
 std::vector<Stamp> cuts_of(const SplitOptions& options, const std::function<TimeRange()>& range_of_log) {
   std::vector<Stamp> cuts;
@@ -156,7 +158,7 @@ std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::fi
                                  const SplitOptions& options, Progress& progress) {
   check(options);
   std::error_code problem;
-  if (std::filesystem::is_directory(log, problem)) return split_folder(log, out_folder, options, progress);
+  if (is_picture_folder(log)) return split_folder(log, out_folder, options, progress);
   const auto cuts = cuts_of(options, [&] { return range_of(log, options, progress); });
   const auto stream = open_log(log, options.reading);
   make_folder(out_folder);

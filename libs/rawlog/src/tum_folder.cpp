@@ -4,14 +4,13 @@
 #include "calibration_file.h"
 #include "folder_split.h"
 #include "picture_lists.h"
+#include "say_once.h"
 
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
-#include <set>
 #include <sstream>
 
 namespace mapweave::rawlog {
@@ -57,14 +56,6 @@ const std::vector<KnownCamera>& known_cameras() {
       {"freiburg3", {535.4, 539.2, 320.1, 247.6}, {0.0, 0.0, 0.0, 0.0, 0.0}},
   };
   return cameras;
-}
-
-// Logs that are opened twice say things once.
-void say_once(const std::string& text) {
-  static std::mutex mutex;
-  static std::set<std::string> said;
-  const std::lock_guard lock(mutex);
-  if (said.insert(text).second) log(LogLevel::warning, text);
 }
 
 bool is_file(const std::filesystem::path& path) {

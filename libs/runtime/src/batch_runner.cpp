@@ -100,6 +100,7 @@ TeamRun::TeamRun(const RunConfiguration& configuration, const RunPlan& plan, con
   inputs_ = starts_.files;
   cloud_.begin_with(starts_.maps);
   frame_request();  // says now what is wrong with it
+  if (settings.cluster != nullptr) expect_cluster(configuration, plan);
 }
 
 Report TeamRun::run() {
@@ -135,7 +136,8 @@ bool TeamRun::map() {
   std::optional<FusionRounds> rounds;
   if (configuration_.cloud.rounds.are_on()) rounds.emplace(configuration_, plan_);
   auto robots =
-      map_robots(configuration_, plan_, {coordinated ? &*coordinated : nullptr, rounds ? &*rounds : nullptr, &starts_},
+      map_robots(configuration_, plan_,
+                 {coordinated ? &*coordinated : nullptr, rounds ? &*rounds : nullptr, &starts_, settings_.cluster},
                  {settings_.keep_going, false}, pool_, progress_);
   if (coordinated) report_.coordination = coordinated->take_report();
   if (rounds) take(rounds->take_report());

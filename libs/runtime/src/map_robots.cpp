@@ -41,6 +41,15 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   } catch (const Interrupted&) {
     return std::vector<std::optional<RobotResult>>(plan.robots.size());
   }
+  const auto expect_sound = [&](const std::vector<std::optional<RobotResult>>& robots) {
+    for (const auto& robot : robots)
+      if (robot && ends_the_run(*robot, keep_going)) throw *robot->outcome.trouble;
+  };
+  if (around.cluster != nullptr) {
+    auto robots = map_on_cluster(configuration, plan, *around.cluster, progress);
+    expect_sound(robots);
+    return robots;
+  }
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
     try {
       const auto cameras = shared.find(plan.robots[i].id);
@@ -59,8 +68,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
       return std::nullopt;
     }
   });
-  for (const auto& robot : robots)
-    if (robot && ends_the_run(*robot, keep_going)) throw *robot->outcome.trouble;
+  expect_sound(robots);
   return robots;
 }
 

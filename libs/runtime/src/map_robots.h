@@ -5,6 +5,7 @@
 #include "fusion_rounds.h"
 #include "start_maps.h"
 
+#include <mapweave/runtime/cluster.h>
 #include <mapweave/runtime/robot_task.h>
 
 #include <optional>
@@ -24,6 +25,7 @@ struct RobotsAround {
   CoordinatedRobots* coordinated = nullptr;
   FusionRounds* rounds = nullptr;
   const StartMaps* starts = nullptr;  // that cameras which share know from the start
+  const Cluster* cluster = nullptr;   // whose workers map; without the first two
 };
 
 // Chooses the sensors of the plan, and maps. Every robot of the plan, nullopt for those that were interrupted. Throws

@@ -403,6 +403,12 @@ EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) 
   return entry;
 }
 
+LiveOptions live_at(const RunConfiguration& configuration, const TierId& edge) {
+  LiveOptions live = configuration.live;
+  if (const std::string broker = edge_entry(configuration, edge).broker; !broker.empty()) live.broker = broker;
+  return live;
+}
+
 RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) {
   for (RobotEntry& entry : configuration.robots) {
     entry.id = name_of(entry);
@@ -451,7 +457,7 @@ std::string name_of_file(const std::filesystem::path& path) {
     }
   };
   cut_one_of({".gz", ".zip"});
-  cut_one_of({".rawlog", ".clf", ".log", ".g2o", ".mwdb", ".mwj", ".yaml", ".yml"});
+  cut_one_of({".rawlog", ".bag", ".mcap", ".db3", ".clf", ".log", ".g2o", ".mwdb", ".mwj", ".yaml", ".yml"});
   return made_valid(std::move(name));
 }
 

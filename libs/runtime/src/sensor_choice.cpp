@@ -1,5 +1,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/nearest_name.h>
+#include <mapweave/rawlog/contents.h>
 #include <mapweave/runtime/sensor_choice.h>
 
 #include <algorithm>
@@ -43,7 +44,7 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       const bool has_laser = found.scans.count(&kLaser) != 0;
       const bool is_preferred = has_laser || !found.cameras.empty();  // to a depth sensor
       if (has_laser && laser_is_enough) break;
-      if (!found.cameras.empty() && std::filesystem::is_directory(log)) break;  // a folder of pictures is of one camera
+      if (!found.cameras.empty() && rawlog::is_picture_folder(log)) break;  // a folder of pictures is of one camera
       if (is_preferred && seconds_between(*first, record->stamp) > kLook_s) break;
       note(*record->observation, found);
     }
@@ -85,7 +86,7 @@ void expect_label(const std::string& label, const Found& found, const std::files
 
 // A folder of pictures shows with its first ones what it has; in other logs a sensor may come late.
 void expect_in_folder(const SensorKind& wanted, const std::filesystem::path& log, const rawlog::ReadOptions& reading) {
-  if (!std::filesystem::is_directory(log)) return;
+  if (!rawlog::is_picture_folder(log)) return;
   const auto stream = rawlog::open_log(log, reading);
   for (int count = 0; count < kLookRecords; ++count) {
     const auto record = stream->next();

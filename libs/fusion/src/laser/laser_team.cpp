@@ -172,7 +172,8 @@ std::vector<std::vector<PlacedSubmap>> LaserMerger::placed_apart(const std::vect
   return result;
 }
 
-TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
+TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of,
+                               const GhostBounds& bounds) const {
   const auto placed_maps = placed_apart(maps, pose_of);
   std::vector<const std::vector<PlacedSubmap>*> sides;
   std::vector<double> walls_m;
@@ -180,7 +181,7 @@ TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseO
   for (const auto& side : placed_maps) sides.push_back(&side);
   // Two grids were compared with each other by what grids of other makers may differ in.
   const auto may_show_ghosts = [&](std::size_t a, std::size_t b) { return grids_.pair(maps[a], maps[b]) == nullptr; };
-  return audit(placed_maps, walls_m, sight_of(sides), may_show_ghosts);
+  return audit(placed_maps, walls_m, sight_of(sides), may_show_ghosts, bounds);
 }
 
 // A map that the others contradict, at a loop that was not found or anywhere else, is taken out of its team.
@@ -190,7 +191,7 @@ bool LaserMerger::take_back() {
     const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) {
       return team.solved.pose_of(graph_.number(map, s));
     };
-    const TeamAudit audit = audited(team.maps, pose_of);
+    const TeamAudit audit = audited(team.maps, pose_of, kGhostBeforeSolution);
     if (!audit.taken_out) continue;
     const std::size_t who = team.maps[*audit.taken_out];
     for (PairAudit& ghost : ghosts_of(audit, team.maps, who, pose_of)) taken_apart_.push_back(std::move(ghost));

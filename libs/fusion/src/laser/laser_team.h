@@ -80,7 +80,8 @@ class LaserMerger {
   // How run() merged these maps; none where it did not. Judgements are the memo's.
   std::optional<MergedMaps> merged_maps(const std::vector<std::size_t>& maps) const;
   // Of maps that lie so. Numbers in the result are places among `maps`.
-  TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
+  TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of,
+                    const GhostBounds& bounds = {}) const;
   // The merge of teams by which two maps came into one; none where they did not.
   std::optional<TeamMerge> merge_of(std::size_t a, std::size_t b) const;
   // Of two maps, a < b.

@@ -9,25 +9,25 @@
 namespace mapweave::fusion {
 namespace {
 
-// In regions of right team maps of public logs it is at most a tenth of what coincides, or 2 m, and a quarter where a
-// partition was moved (fhw); where a map lies wrongly, 0.4 to 16 times what coincides.
-constexpr double kGhost_m = 4.0, kGhostShare = 0.25;
-constexpr double kMovedShare = 0.4;  // in doubt, of what coincides, that may have moved
+// What may have moved of a region: a share of what coincides, and both faces of a partition.
+constexpr double kMovedShare = 0.4, kMoved_m = 12.0;
 constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
 
 // Whether a region is contradicted by things that moved, among walls that lie where they should.
 bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displacement) {
-  return in_doubt_m(region) < kMovedShare * region.coinciding_m && !displacement.better_place(region);
+  return in_doubt_m(region) < std::min(kMoved_m, kMovedShare * region.coinciding_m) &&
+         !displacement.better_place(region);
 }
 
 }  // namespace
 
-bool is_ghost(const RegionAgreement& region) {
-  return in_doubt_m(region) > std::max(kGhost_m, kGhostShare * region.coinciding_m);
+bool is_ghost(const RegionAgreement& region, const GhostBounds& bounds) {
+  return in_doubt_m(region) > std::max(bounds.length_m, bounds.share * region.coinciding_m);
 }
 
 TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m,
-                const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts) {
+                const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts,
+                const GhostBounds& bounds) {
   std::map<std::pair<std::size_t, std::size_t>, AuditedPair> pairs;
   std::vector<double> ghosts_m(maps.size(), 0.0);
   RegionDisplacement displacement(maps, sight_of);
@@ -39,7 +39,9 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     pair.contradicted_m += region.contradicted_m;
     pair.unclear_m += region.unclear_m;
     pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
-    if (!is_ghost(region) || !may_show_ghosts(region.a, region.b) || shows_what_moved(region, displacement)) continue;
+    if (!is_ghost(region, bounds) || !may_show_ghosts(region.a, region.b)) continue;
+    const RegionAgreement around = region.centred();
+    if (!is_ghost(around, bounds) || shows_what_moved(around, displacement)) continue;
     pair.ghosts_m += in_doubt_m(region);
     ghosts_m[region.a] += in_doubt_m(region);
     ghosts_m[region.b] += in_doubt_m(region);

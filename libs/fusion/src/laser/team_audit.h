@@ -28,13 +28,24 @@ struct BentRegion {
   Pose2 moved;                  // of the team's plane: what a's walls need to lie on b's there
 };
 
+// What is in doubt in one region from which it is a ghost: metres, and a share of what coincides. In regions of right
+// team maps of public logs it is at most a tenth of what coincides, or 2 m, and a quarter where a partition was moved
+// (fhw); where a map lies wrongly, 0.4 to 16 times what coincides.
+struct GhostBounds {
+  double length_m = 4.0, share = 0.25;
+};
+// Of a team whose scans are still to be matched again, which mends small bends.
+constexpr GhostBounds kGhostBeforeSolution{8.0, 0.5};
+
 // Whether so much in one region is a ghost, not furniture or a door that moved.
-bool is_ghost(const RegionAgreement& region);
+bool is_ghost(const RegionAgreement& region, const GhostBounds& bounds = {});
 // `walls_m`: of each map. Of two maps that are contradicted as much the one with fewer walls is taken out.
+// A ghost is one in its region and in the region around the middle of what is in doubt.
 // What is contradicted where no other place is better, amid more that coincides, moved: it is no ghost.
 // Pairs of which `may_show_ghosts` is false are only described.
 TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m,
-                const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts);
+                const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts,
+                const GhostBounds& bounds = {});
 // Where the search for matches should go on.
 std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
                                      const std::function<bool(std::size_t, std::size_t)>& may_be_bent);

@@ -1,5 +1,7 @@
 #include "wall_agreement.h"
 
+#include "region_tiles.h"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -374,6 +376,11 @@ std::vector<Contradiction> longest_first(std::vector<Contradiction> contradictio
   return contradictions;
 }
 
+template <class Agreement>
+void add(Seen seen, Agreement& walls) {
+  (seen == Seen::wall ? walls.coinciding_m : seen == Seen::through ? walls.contradicted_m : walls.unclear_m) += kCell_m;
+}
+
 }  // namespace
 
 double length_of_walls(const std::vector<PlacedSubmap>& side) {
@@ -433,6 +440,7 @@ std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<Pla
                                                const SightOf& sight_of) {
   const Comparison comparison(maps, sight_of);
   std::map<std::tuple<std::size_t, std::size_t, std::size_t>, RegionAgreement> found;  // by place and pair
+  std::map<std::pair<std::size_t, std::size_t>, RegionTiles> tiles;
   for (std::size_t seer = 0; seer < maps.size(); ++seer)
     comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls,
                              const std::vector<Seen>& seen) {
@@ -443,19 +451,20 @@ std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<Pla
       here.b = b;
       here.x_m = region.x_m + 0.5 * kRegion_m;
       here.y_m = region.y_m + 0.5 * kRegion_m;
+      RegionTiles& of_pair = tiles[{a, b}];
       std::vector<WallPoint> contradicted;
       for (std::size_t i = 0; i < walls.size(); ++i) {
-        if (seen[i] == Seen::wall) here.coinciding_m += kCell_m;
-        if (seen[i] == Seen::in_part || seen[i] == Seen::beside_wall) here.unclear_m += kCell_m;
-        if (seen[i] != Seen::through) continue;
-        here.contradicted_m += kCell_m;
-        contradicted.push_back(walls[i]);
+        if (seen[i] == Seen::not_at_all) continue;
+        add(seen[i], here);
+        add(seen[i], of_pair.at(walls[i].x, walls[i].y));
+        if (seen[i] == Seen::through) contradicted.push_back(walls[i]);
       }
       gather(contradicted, here.contradictions);
     });
   std::vector<RegionAgreement> result;
   for (auto& [key, agreement] : found) {
     agreement.contradictions = longest_first(std::move(agreement.contradictions));
+    agreement.around = tiles.at({agreement.a, agreement.b}).around_doubt_of(agreement);
     result.push_back(std::move(agreement));
   }
   return result;

@@ -55,10 +55,17 @@ struct RegionAgreement {
   double x_m = 0.0, y_m = 0.0;  // middle of the region, team frame
   double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
   std::vector<Contradiction> contradictions;  // longest first
+  // A region of this size about the middle of what is in doubt here: the border of a region may part what two maps
+  // disagree about from the walls around it.
+  struct Around {
+    double x_m = 0.0, y_m = 0.0, coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
+  } around;
+  RegionAgreement centred() const;  // that region, without its contradictions
 };
 constexpr double kUnclearShare = 0.25;  // of a wall that another one stands close to: drawn twice, it may be
-inline double in_doubt_m(const RegionAgreement& region) {
-  return region.contradicted_m + kUnclearShare * region.unclear_m;
+template <class Agreement>
+double in_doubt_m(const Agreement& walls) {
+  return walls.contradicted_m + kUnclearShare * walls.unclear_m;
 }
 
 // Every map against every other, by regions in which both saw something. Asks for each sight once.

@@ -6,6 +6,7 @@ namespace mapweave::runtime {
 
 Hash agreement_of(RunConfiguration configuration) {
   for (RobotEntry& robot : configuration.robots) robot.log.clear();
+  for (EdgeEntry& edge : configuration.edges) edge.broker.clear();
   configuration.output = {};
   configuration.live = {};
   configuration.visual.vocabulary.clear();  // a path
@@ -22,14 +23,15 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
   if (configuration.server.share != tiers::Sharing::none)
     refuse("cameras of robots that are programs of their own share nothing while they drive yet", "server.share",
            "set share: none");
+  if (configuration.coordinator.method != Coordination::none)
+    for (const EdgeEntry& edge : configuration.edges)
+      if (!edge.broker.empty())
+        refuse("a coordinator gives robots to other edges, which have one broker for all", "edges.broker",
+               "leave edge " + edge.id + "'s broker out, or set coordinator.method: none");
   for (const PlannedRobot& robot : plan.robots) {
     if (robot.part)
       refuse("robot '" + robot.robot().str() + "' has several edges; robots that are programs of their own have one",
              "robots", "give it `edge` in place of `edges`");
-    const std::string& sensor = configuration_of(configuration, robot).sensor;
-    if (sensor == "all")
-      refuse("robots that map with a laser and cameras at once are not run as programs of their own yet", "sensor",
-             "set sensor: laser, or cameras");
   }
 }
 

@@ -104,10 +104,11 @@ std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed se
   return outcome;
 }
 
-tiers::RobotOutcome LiveEdge::State::mapped_on_board(Robot& robot, const std::optional<Error>& trouble) {
+tiers::RobotOutcome LiveEdge::State::mapped_on_board(Robot& robot, const std::optional<Error>& trouble) const {
   const std::lock_guard lock(robot.slam_mutex);
   robot.record = *robot.on_board.record;
   std::vector<Map>& maps = robot.on_board.maps;
+  if (robot.record.has_laser_map) return result_of(robot.record, maps, *robot.planned, site.configuration).outcome;
   tiers::RobotOutcome outcome{robot.planned->id, std::nullopt, robot.record.trouble ? robot.record.trouble : trouble,
                               robot.record.helper_s};
   if (maps.empty()) return outcome;
@@ -308,9 +309,14 @@ std::vector<std::pair<std::string, std::string>> LiveEdge::State::fused(const st
   }
   for (const RobotId& name : members) {
     Robot& robot = robots.at(name);
-    if (robot.outcome->map) made.emplace_back(subject::kRobotMap, tiers::first_update(*robot.outcome->map, edge));
-    for (const Map& apart : robot.outcome->apart)
-      made.emplace_back(subject::kRobotMap, tiers::first_update(apart, edge));
+    std::vector<const Map*> own;
+    if (robot.record.has_laser_map) {  // the cloud puts them together as well, and shows those of cameras
+      for (const Map& map : robot.on_board.maps) own.push_back(&map);
+    } else {
+      if (robot.outcome->map) own.push_back(&*robot.outcome->map);
+      for (const Map& map : robot.outcome->apart) own.push_back(&map);
+    }
+    for (const Map* map : own) made.emplace_back(subject::kRobotMap, tiers::first_update(*map, edge));
     made.emplace_back(subject::kRobotReport, encode(robot.record));
     if (!is_coordinated) robot.outcome.reset();  // the server has it; else it may have to merge anew
   }

@@ -101,7 +101,7 @@ struct LiveEdge::State {
   void map(Robot& robot);
   void begin(Robot& robot, const SessionId& session, bool is_on_board) const;
   std::optional<tiers::RobotOutcome> step(Robot& robot, Sensed sensed, std::size_t bytes);
-  static tiers::RobotOutcome mapped_on_board(Robot& robot, const std::optional<Error>& trouble);
+  tiers::RobotOutcome mapped_on_board(Robot& robot, const std::optional<Error>& trouble) const;
   static void complete(Robot& robot, const tiers::RobotOutcome& outcome);
 
   void merge();

@@ -343,12 +343,9 @@ void LiveRobot::State::speak() {
 LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
                      ConnectToEdge to_edge)
     : state_(new State(robot, configuration, options, std::move(to_edge))) {
-  if (!robot.trouble && (robot.sensors.scans == nullptr) == robot.sensors.cameras.empty())
-    throw Error(ErrorCode::kBadInput,
-                "robot '" + robot.id.str() + "' maps with " +
-                    (robot.sensors.cameras.empty() ? "nothing" : "a laser and cameras at once"),
-                robot.log.string(),
-                "robots that run as programs of their own map with one of them: set sensor: laser, or cameras");
+  if (!robot.trouble && robot.sensors.scans == nullptr && robot.sensors.cameras.empty())
+    throw Error(ErrorCode::kBadInput, "robot '" + robot.id.str() + "' maps with nothing", robot.log.string(),
+                "set sensor: to what its log holds");
   state_->reader = std::thread([state = state_.get()] { state->read(); });
   state_->speaker = std::thread([state = state_.get()] { state->speak(); });
 }

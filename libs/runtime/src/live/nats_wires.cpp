@@ -44,6 +44,16 @@ transport::NatsChannelOptions options_of(const std::string& wire, const std::str
   return options;
 }
 
+// The wire of an edge with a broker of its own to the cloud's: each end makes the streams of what it says at its own
+// broker, and reads the other's.
+transport::NatsChannelOptions across_brokers(transport::NatsChannelOptions options, const std::string& domain) {
+  if (domain.empty()) return options;
+  options.in.domain = options.side == transport::NatsChannelSide::opens ? kHubDomain : domain;
+  options.link_end = transport::LinkEnd::receiver;
+  options.makes_streams = false;
+  return options;
+}
+
 // A robot's whole map is one message.
 transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
   options.limits.bytes = kLongestMessage;
@@ -51,27 +61,30 @@ transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
   return options;
 }
 
-// What either end of a wire does with the broker. peer: of one wire, or "*" for all that a tier accepts.
+// What either end of a wire does with the broker. peer: of one wire, or "*" for all that a tier accepts. in_domain: of
+// the other end's broker, where each end has one.
 void allow(transport::BrokerUser& user, const std::string& wire, const std::string& peer,
-           transport::NatsChannelSide side) {
+           transport::NatsChannelSide side, const std::string& in_domain = {}) {
   const bool accepts = side == transport::NatsChannelSide::accepts;
+  const std::string in_api = in_domain.empty() ? "$JS.API." : "$JS." + in_domain + ".API.";
   const std::string out = wire + (accepts ? "_down_0" : "_up_0"), in = wire + (accepts ? "_up_0" : "_down_0");
   const auto may = [&](const std::string& subject) { user.may_publish.push_back(subject); };
   may("mw." + wire + (accepts ? "_down" : "_up") + ".0." + peer);
   may("$JS.API.CONSUMER.INFO." + out + "." + peer);
   for (const char* what : {"INFO.", "DURABLE.CREATE.", "DELETE.", "MSG.NEXT."})
-    may(std::string("$JS.API.CONSUMER.") + what + in + "." + peer);
+    may(in_api + "CONSUMER." + what + in + "." + peer);
   may("$JS.ACK." + in + "." + peer + ".>");
   for (const std::string& stream : {out, in}) {
-    may("$JS.API.STREAM.INFO." + stream);
-    may("$JS.API.STREAM.PURGE." + stream);
-    if (!accepts) continue;
-    may("$JS.API.STREAM.CREATE." + stream);
-    may("$JS.API.STREAM.UPDATE." + stream);
+    const std::string api = stream == in ? in_api : "$JS.API.";
+    may(api + "STREAM.INFO." + stream);
+    may(api + "STREAM.PURGE." + stream);
+    if (in_domain.empty() ? !accepts : stream == in) continue;
+    may(api + "STREAM.CREATE." + stream);
+    may(api + "STREAM.UPDATE." + stream);
   }
 }
 
-constexpr char kBoard[] = "status", kPlans[] = "plan";
+constexpr char kBoard[] = "status", kPlans[] = "plan", kWorkers[] = "workers", kWork[] = "work";
 
 transport::BrokerUser new_user(const std::string& name) {
   const std::string inbox = inbox_of(name) + ".>";
@@ -120,29 +133,51 @@ void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan&
 
 std::string maps_word_of(const TierId& edge) { return "maps-" + edge.str(); }
 
-std::vector<transport::BrokerUser> users_of(const RunPlan& plan, bool is_coordinated) {
+std::string domain_of(const EdgeEntry& edge) { return edge.broker.empty() ? "" : "edge_" + stream_name(edge.id); }
+
+std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuration, const RunPlan& plan,
+                                            const std::optional<TierId>& at_broker_of) {
   using Side = transport::NatsChannelSide;
+  const auto is_here = [&](const TierId& edge) {
+    return edge_entry(configuration, edge).broker.empty() ? !at_broker_of : at_broker_of == edge;
+  };
   std::vector<transport::BrokerUser> users;
-  transport::BrokerUser cloud = new_user("cloud");
+  transport::BrokerUser cloud = new_user("cloud"), doctor = new_user("doctor");
   for (const TierId& edge : plan.edges) {
+    const std::string domain = domain_of(edge_entry(configuration, edge));
+    allow(cloud, of_cloud(edge), "*", Side::accepts, domain);
+    if (!domain.empty()) doctor.may_publish.push_back("$JS." + domain + ".API.STREAM.MSG.GET." + kBoard);
+    if (!is_here(edge)) continue;
     transport::BrokerUser& user = users.emplace_back(new_user("edge-" + edge.str()));
     allow(user, of_edge(edge), "*", Side::accepts);
-    allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens);
-    allow(cloud, of_cloud(edge), "*", Side::accepts);
+    allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens, domain.empty() ? "" : kHubDomain);
     allow_board(user, kBoard, {"INFO", "CREATE"});
   }
-  allow_board(cloud, kBoard, {"INFO", "CREATE"});
+  const bool is_coordinated = configuration.coordinator.method != Coordination::none;
   for (const PlannedRobot& robot : plan.robots) {
+    if (!(robot.edge.empty() ? is_coordinated : is_here(robot.edge))) continue;
     transport::BrokerUser& user = users.emplace_back(new_user("robot-" + robot.id.str()));
     if (!robot.edge.empty()) allow(user, of_edge(robot.edge), transport::nats_token(robot.id.str()), Side::opens);
   }
-  users.push_back(std::move(cloud));
-  allow_board(users.emplace_back(new_user("doctor")), kBoard, {"INFO", "CREATE", "MSG.GET"});
+  if (!at_broker_of) {
+    allow_board(cloud, kBoard, {"INFO", "CREATE"});
+    users.push_back(std::move(cloud));
+    // All workers are one user, who may map for all runs.
+    for (const auto& [name, side] : {std::make_pair("worker", Side::accepts), std::make_pair("run", Side::opens)}) {
+      transport::BrokerUser& user = users.emplace_back(new_user(name));
+      allow(user, kWork, "*", side);
+      allow_board(user, kWorkers, {"INFO", "CREATE", "MSG.GET"});
+      user.may_publish.push_back("mw." + std::string(kWorkers) + ".*");
+    }
+  }
+  allow_board(doctor, kBoard, {"INFO", "CREATE", "MSG.GET"});
+  users.push_back(std::move(doctor));
   if (is_coordinated) allow_coordinated(users, plan);
   return users;
 }
 
-NatsWires::NatsWires(const LiveOptions& live, std::chrono::milliseconds patience) : has_accounts_(!live.keys.empty()) {
+NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience)
+    : has_accounts_(!live.keys.empty()), edges_(configuration.edges) {
   transport::NatsOptions options;
   options.url = live.broker;
   if (has_accounts_) {
@@ -173,15 +208,33 @@ Connect NatsWires::at_edge(const RobotId& robot, const TierId& edge) const {
                  options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts, has_accounts_));
 }
 Connect NatsWires::from_edge(const TierId& edge) const {
-  return connect(connection_,
-                 with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::opens, has_accounts_)));
+  return between_tiers(edge, transport::NatsChannelSide::opens);
 }
 Connect NatsWires::at_cloud(const TierId& edge) const {
-  return connect(connection_,
-                 with_maps(options_of(of_cloud(edge), edge.str(), transport::NatsChannelSide::accepts, has_accounts_)));
+  return between_tiers(edge, transport::NatsChannelSide::accepts);
+}
+Connect NatsWires::between_tiers(const TierId& edge, transport::NatsChannelSide side) const {
+  return connect(connection_, with_maps(across_brokers(options_of(of_cloud(edge), edge.str(), side, has_accounts_),
+                                                       domain_at(edge))));
+}
+std::string NatsWires::domain_at(const TierId& edge) const {
+  for (const EdgeEntry& entry : edges_)
+    if (entry.id == edge.str()) return domain_of(entry);
+  return "";
 }
 
 transport::NatsBoard NatsWires::board() const { return {connection_, kBoard}; }
+transport::NatsBoard NatsWires::board_of_workers() const { return {connection_, kWorkers}; }
+Connect NatsWires::to_worker(const std::string& worker) const {
+  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::opens, has_accounts_)));
+}
+Connect NatsWires::at_worker(const std::string& worker) const {
+  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::accepts, has_accounts_)));
+}
+std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) const {
+  const std::string domain = domain_at(edge);
+  if (domain.empty()) return std::nullopt;
+  return transport::NatsBoard(connection_, kBoard, domain);
 transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
 
 void ServedWires::remove(const std::string& name) {

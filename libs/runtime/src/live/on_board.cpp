@@ -26,16 +26,14 @@ OnBoardMapping::OnBoardMapping(const PlannedRobot& robot, const RunConfiguration
     : robot_(robot), silent_(make_silent_progress()) {
   if (robot.trouble) return;
   const RunConfiguration& own = configuration_of(configuration, robot);
-  if (robot.sensors.cameras.empty())
-    laser_.emplace(robot, own, true, false, *silent_);
-  else
-    cameras_.emplace(robot, own, true, *silent_);
+  if (robot.sensors.scans != nullptr) laser_.emplace(robot, own, true, false, *silent_);
+  if (!robot.sensors.cameras.empty()) cameras_.emplace(robot, own, true, *silent_);
 }
 OnBoardMapping::~OnBoardMapping() = default;
 
 std::optional<Stamp> OnBoardMapping::next() const {
-  if (laser_) return laser_->next();
-  return cameras_ ? cameras_->next() : std::nullopt;
+  const auto scan = laser_ ? laser_->next() : std::nullopt, frame = cameras_ ? cameras_->next() : std::nullopt;
+  return scan && frame ? std::min(*scan, *frame) : scan ? scan : frame;
 }
 
 void OnBoardMapping::advance(Stamp until, const std::atomic<bool>& give_up) {
@@ -44,16 +42,14 @@ void OnBoardMapping::advance(Stamp until, const std::atomic<bool>& give_up) {
 }
 
 std::uint64_t OnBoardMapping::seen() {
-  if (laser_) return laser_->scans();
-  std::uint64_t frames = 0;
+  std::uint64_t seen = laser_ ? laser_->scans() : 0;
   if (cameras_)
-    for (const CameraTask::Client& camera : cameras_->clients()) frames += camera.report->frames;
-  return frames;
+    for (const CameraTask::Client& camera : cameras_->clients()) seen += camera.report->frames;
+  return seen;
 }
 
-RobotRecord OnBoardMapping::of_laser(std::vector<Map>& maps) {
+void OnBoardMapping::add_laser(RobotRecord& record, std::vector<Map>& maps) {
   LaserOutcome outcome = laser_->finish();
-  RobotRecord record;
   record.sensor = std::string(robot_.sensors.scans->name);
   record.trouble = std::move(outcome.outcome.trouble);
   record.scans = outcome.scans;
@@ -63,30 +59,29 @@ RobotRecord OnBoardMapping::of_laser(std::vector<Map>& maps) {
   record.notes = std::move(outcome.notes);
   for (const rig::SensorPose& pose : outcome.live.poses) record.live.push_back({pose.stamp, pose.map_from_robot});
   record.odometry = std::move(outcome.odometry);
+  if (cameras_) record.has_laser_map = outcome.outcome.map.has_value();
   if (outcome.outcome.map) maps.push_back(std::move(*outcome.outcome.map));
-  return record;
 }
 
-RobotRecord OnBoardMapping::of_cameras(std::vector<Map>& maps) {
-  RobotRecord record;
-  record.sensor = "camera";
+void OnBoardMapping::add_cameras(RobotRecord& record, std::vector<Map>& maps) {
   CamerasOutcome outcome = cameras_->finish();
-  record.trouble = std::exchange(outcome.trouble, std::nullopt);
-  record.log_s = outcome.log_seconds;
+  (record.has_laser_map ? record.camera_trouble : record.trouble) = std::exchange(outcome.trouble, std::nullopt);
+  if (!laser_) record.sensor = "camera";
+  if (!laser_) record.log_s = outcome.log_seconds;
   for (CameraMap& map : outcome.maps) {
     Map by_id;
     by_id.id = map.map.id;
+    map.map.id = name_of_map(robot_.id, maps.size());
     maps.push_back(std::exchange(map.map, std::move(by_id)));
   }
   record.cameras = std::move(outcome);
-  return record;
 }
 
 std::vector<Sensed> OnBoardMapping::finish(bool was_asked_to_end) {
   RobotRecord record;
   std::vector<Map> maps;
-  if (laser_) record = of_laser(maps);
-  if (cameras_) record = of_cameras(maps);
+  if (laser_) add_laser(record, maps);
+  if (cameras_) add_cameras(record, maps);
   if (record.sensor.empty()) record.sensor = "laser";
   record.robot = robot_.id;
   if (robot_.trouble) record.trouble = robot_.trouble;
@@ -127,10 +122,10 @@ void OnBoardParts::add(MappedPart part, const RobotId& robot) {
     return;
   }
   const MapUpdate update = decode_map_update(bytes, where);
-  const std::string expected = robot.str() + (maps.empty() ? "" : "." + std::to_string(maps.size()));
-  if (update.origin.map.str() != expected)
-    throw Error(ErrorCode::kBadInput, "map '" + update.origin.map.str() + "' came where '" + expected + "' was due",
-                where);
+  const MapId expected = name_of_map(robot, maps.size());
+  if (update.origin.map != expected)
+    throw Error(ErrorCode::kBadInput,
+                "map '" + update.origin.map.str() + "' came where '" + expected.str() + "' was due", where);
   Map map;
   map.id = update.origin.map;
   maps.push_back(updated(std::move(map), update));

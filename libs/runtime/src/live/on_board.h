@@ -15,13 +15,13 @@
 
 namespace mapweave::runtime {
 
-// Whether it does: with cameras always, with a laser in mode onboard.
+// Whether it does: with cameras always, with a laser alone in mode onboard.
 bool maps_on_board(const PlannedRobot& robot, const RunConfiguration& configuration);
 
 // Not thread-safe, but each call may come from another thread.
 class OnBoardMapping {
  public:
-  // A laser or cameras; the plan's sensors are chosen. What is wrong with the log is the robot's trouble.
+  // A laser, cameras, or both; the plan's sensors are chosen. What is wrong with the log is the robot's trouble.
   OnBoardMapping(const PlannedRobot& robot, const RunConfiguration& configuration);
   ~OnBoardMapping();
 
@@ -34,8 +34,8 @@ class OnBoardMapping {
   std::vector<Sensed> finish(bool was_asked_to_end);
 
  private:
-  RobotRecord of_laser(std::vector<Map>& maps);
-  RobotRecord of_cameras(std::vector<Map>& maps);
+  void add_laser(RobotRecord& record, std::vector<Map>& maps);
+  void add_cameras(RobotRecord& record, std::vector<Map>& maps);
 
   PlannedRobot robot_;
   std::unique_ptr<Progress> silent_;

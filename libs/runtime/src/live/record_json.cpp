@@ -99,4 +99,14 @@ Error error_of(const Json& json, const std::string& where) {
                text_of(member(json, "remedy", where, key), where, key));
 }
 
+Hash hash_of_hex(const std::string& hex, const std::string& where) {
+  Hash hash;
+  const std::string digits = "0123456789abcdef";
+  if (hex.size() != 2 * hash.bytes.size() || hex.find_first_not_of(digits) != std::string::npos)
+    refuse("a checksum was expected", where, "log_sha256", "");
+  for (std::size_t i = 0; i < hash.bytes.size(); ++i)
+    hash.bytes[i] = static_cast<std::uint8_t>(16 * digits.find(hex[2 * i]) + digits.find(hex[2 * i + 1]));
+  return hash;
+}
+
 }  // namespace mapweave::runtime

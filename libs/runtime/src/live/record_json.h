@@ -2,6 +2,7 @@
 // Values of reports on robots as JSON. What is read throws Error kBadInput, naming where and key.
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/hash.h>
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/scheduling/json_fields.h>
 
@@ -19,6 +20,7 @@ nlohmann::json json_of(const std::vector<StampedPose>& poses);
 std::vector<StampedPose> poses_of(const nlohmann::json& list, const std::string& where, const std::string& key);
 nlohmann::json json_of(const Error& error);
 Error error_of(const nlohmann::json& json, const std::string& where);
+Hash hash_of_hex(const std::string& hex, const std::string& where);
 std::string text_of(const nlohmann::json& value, const std::string& where, const std::string& key);
 std::vector<std::string> texts_of(const nlohmann::json& list, const std::string& where, const std::string& key);
 const nlohmann::json& list_of(const nlohmann::json& value, const std::string& where, const std::string& key);

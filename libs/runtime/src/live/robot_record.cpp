@@ -5,6 +5,8 @@
 
 #include <mapweave/runtime/json_text.h>
 
+#include <algorithm>
+
 namespace mapweave::runtime {
 namespace {
 
@@ -16,16 +18,6 @@ constexpr double kMost = 1e15;
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;
 
 std::string hex_or_nothing(const RobotRecord& record) { return record.log.empty() ? "" : to_hex(record.log_sha256); }
-
-Hash hash_of_hex(const std::string& hex, const std::string& where) {
-  Hash hash;
-  const std::string digits = "0123456789abcdef";
-  if (hex.size() != 2 * hash.bytes.size() || hex.find_first_not_of(digits) != std::string::npos)
-    refuse("a checksum was expected", where, "log_sha256", "");
-  for (std::size_t i = 0; i < hash.bytes.size(); ++i)
-    hash.bytes[i] = static_cast<std::uint8_t>(16 * digits.find(hex[2 * i]) + digits.find(hex[2 * i + 1]));
-  return hash;
-}
 
 }  // namespace
 
@@ -48,6 +40,8 @@ std::string encode(const RobotRecord& record) {
   json["live"] = json_of(record.live);
   json["odometry"] = json_of(record.odometry);
   if (record.cameras) json["cameras"] = json_of(*record.cameras);
+  if (record.has_laser_map) json["has_laser_map"] = *record.has_laser_map;
+  if (record.camera_trouble) json["camera_trouble"] = json_of(*record.camera_trouble);
   return json_text(json, -1);
 }
 
@@ -78,8 +72,39 @@ RobotRecord decode_robot_record(std::string_view bytes, const std::string& where
   record.live = poses_of(member(json, "live", where, ""), where, "live");
   record.odometry = poses_of(member(json, "odometry", where, ""), where, "odometry");
   if (json.contains("cameras")) record.cameras = cameras_of(json["cameras"], where);
+  if (json.contains("has_laser_map")) {
+    if (!json["has_laser_map"].is_boolean()) refuse("true or false was expected", where, "has_laser_map", "");
+    record.has_laser_map = json["has_laser_map"].get<bool>();
+  }
+  if (json.contains("camera_trouble")) record.camera_trouble = error_of(json["camera_trouble"], where);
   return record;
 }
+
+MapId name_of_map(const RobotId& robot, std::size_t number) {
+  return MapId(number == 0 ? robot.str() : robot.str() + "." + std::to_string(number));
+}
+
+namespace {
+
+// The maps of its cameras, those that came, by the names under which they travelled.
+void give_back(std::vector<Map> maps, const PlannedRobot& robot, bool is_one_further, const RunConfiguration& own,
+               CamerasOutcome& cameras) {
+  std::vector<CameraMap> known;
+  for (std::size_t i = 0; i < cameras.maps.size(); ++i) {
+    CameraMap& camera = cameras.maps[i];
+    const MapId travelled = name_of_map(robot.id, i + (is_one_further ? 1 : 0));
+    const auto map =
+        std::find_if(maps.begin(), maps.end(), [&](const Map& one) { return one.id == travelled && !one.empty(); });
+    if (map == maps.end()) continue;
+    map->id = camera.map.id;
+    camera.map = std::move(*map);
+    camera.trajectory = robot_trajectory_of(camera.map, camera.trajectories, cameras.odometry, own.rig.trajectory);
+    known.push_back(std::move(camera));
+  }
+  cameras.maps = std::move(known);
+}
+
+}  // namespace
 
 RobotResult result_of(RobotRecord record, std::vector<Map> maps, const PlannedRobot& robot,
                       const RunConfiguration& configuration) {
@@ -93,38 +118,32 @@ RobotResult result_of(RobotRecord record, std::vector<Map> maps, const PlannedRo
   result.work.map_bytes = record.map_bytes;
   result.notes = std::move(record.notes);
   if (!record.log.empty()) result.input = InputFile{record.log, record.log_sha256};
+  const RunConfiguration& own = configuration_of(configuration, robot);
   std::vector<rig::SpokenPoses> sensors;
-  if (record.cameras) {
-    CamerasOutcome& cameras = *record.cameras;
-    cameras.robot = robot;
-    cameras.trouble = record.trouble;
-    std::vector<CameraMap> known;  // those that came
-    for (CameraMap& camera : cameras.maps)
-      for (Map& map : maps)
-        if (map.id == camera.map.id && !map.empty()) {
-          camera.map = std::move(map);
-          camera.trajectory = robot_trajectory_of(camera.map, camera.trajectories, cameras.odometry,
-                                                  configuration_of(configuration, robot).rig.trajectory);
-          known.push_back(std::move(camera));
-          break;
-        }
-    cameras.maps = std::move(known);
-    result.work.seeing_s = cameras.cpu_seconds;
-    take_cameras(std::move(cameras), configuration_of(configuration, robot), result, {sensors, record.odometry});
-  } else {
-    result.outcome = {robot.id, maps.empty() ? std::nullopt : std::optional(std::move(maps.front())), record.trouble,
-                      record.helper_s};
-    result.report.log_seconds = record.log_s;
-  }
-  result.work.log_s = result.report.log_seconds;
-  result.report.mapped = result.outcome.map.has_value();
-  result.report.trouble = record.trouble;
   if (!record.live.empty()) {
     sensors.emplace_back();
     sensors.back().sensor = {record.sensor, true, true, {}};
     for (const StampedPose& pose : record.live) sensors.back().poses.push_back({pose.stamp, 0, pose.map_from_robot});
   }
-  fuse_poses(robot.id, configuration_of(configuration, robot), std::move(sensors), record.odometry, result);
+  const bool has_laser_map = record.has_laser_map.value_or(!record.cameras);
+  if (!record.cameras || record.has_laser_map) {
+    result.outcome = {robot.id, std::nullopt, record.trouble, record.helper_s};
+    result.report.log_seconds = record.log_s;
+  }
+  if (has_laser_map && !maps.empty() && maps.front().id == name_of_map(robot.id, 0))
+    result.outcome.map = std::move(maps.front());
+  if (record.cameras) {
+    CamerasOutcome& cameras = *record.cameras;
+    cameras.robot = robot;
+    cameras.trouble = record.has_laser_map ? record.camera_trouble : record.trouble;
+    give_back(std::move(maps), robot, has_laser_map, own, cameras);
+    result.work.seeing_s = cameras.cpu_seconds;
+    take_cameras(std::move(cameras), own, result, {sensors, record.odometry});
+  }
+  result.work.log_s = result.report.log_seconds;
+  result.report.mapped = result.outcome.map.has_value();
+  result.report.trouble = result.outcome.trouble;
+  fuse_poses(robot.id, own, std::move(sensors), record.odometry, result);
   return result;
 }
 

@@ -22,7 +22,13 @@ struct RobotRecord {
   std::vector<StampedPose> live;  // where it was, as it came (LivePose)
   std::vector<StampedPose> odometry;
   std::optional<CamerasOutcome> cameras;  // of a robot that maps with them: its maps by their ids alone
+  // Of a robot that maps with a laser, too: whether its first map is the laser's. `trouble` is then that of the laser.
+  std::optional<bool> has_laser_map;
+  std::optional<Error> camera_trouble;
 };
+
+// The name under which a robot's maps travel: its own, then "NAME.1" and so on.
+MapId name_of_map(const RobotId& robot, std::size_t number);
 
 std::string encode(const RobotRecord& record);
 // Throws Error kCorrupt or kBadInput for what is not sound.

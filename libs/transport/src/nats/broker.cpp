@@ -80,7 +80,8 @@ Json configuration_of(const BrokerOptions& options, int port, int leaf_port) {
   }
   for (const std::string& hub : options.hubs) {
     Json remote = {{"url", hub}};
-    if (!options.ca.empty()) remote["tls"] = {{"ca_file", options.ca.string()}};
+    const fs::path& ca = options.hub_ca.empty() ? options.ca : options.hub_ca;
+    if (!ca.empty()) remote["tls"] = {{"ca_file", ca.string()}};
     all["leafnodes"]["remotes"].push_back(remote);
   }
   if (!options.hubs.empty()) all["leafnodes"]["reconnect"] = 1;  // seconds

@@ -43,21 +43,23 @@ std::chrono::system_clock::time_point time_of(const std::string& text, const std
 
 }  // namespace
 
-NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream)
-    : connection_(std::move(connection)), stream_(std::move(stream)) {}
+NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, const std::string& domain)
+    : connection_(std::move(connection)),
+      stream_(std::move(stream)),
+      api_(domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") {}
 
 std::string NatsBoard::subject_of(const std::string& stream, const std::string& name) {
   return "mw." + stream + "." + nats_token(name);
 }
 
 void NatsBoard::ensure(std::chrono::milliseconds patience) {
-  if (error_code_of(ask_jetstream(*connection_, "$JS.API.STREAM.INFO." + stream_, {}, patience)) == 0) return;
+  if (error_code_of(ask_jetstream(*connection_, api_ + "STREAM.INFO." + stream_, {}, patience)) == 0) return;
   const Json wanted = {{"name", stream_},           {"subjects", {"mw." + stream_ + ".*"}},
                        {"retention", "limits"},     {"discard", "old"},
                        {"storage", "file"},         {"num_replicas", 1},
                        {"max_msgs_per_subject", 1}, {"max_msg_size", kLongest},
                        {"max_bytes", kMostBytes}};
-  const Json made = ask_jetstream(*connection_, "$JS.API.STREAM.CREATE." + stream_, wanted, patience);
+  const Json made = ask_jetstream(*connection_, api_ + "STREAM.CREATE." + stream_, wanted, patience);
   if (const int code = error_code_of(made); code != 0 && code != kNameInUse)
     throw Error(ErrorCode::kBadInput,
                 "the broker refuses stream '" + stream_ + "': " + made["error"].value("description", ""),
@@ -69,9 +71,29 @@ bool NatsBoard::put(const std::string& name, std::string_view word) {
 }
 
 std::optional<NatsBoard::Word> NatsBoard::last(const std::string& name, std::chrono::milliseconds patience) const {
+  return last_on(subject_of(stream_, name), patience);
+}
+
+std::vector<NatsBoard::Word> NatsBoard::words(std::chrono::milliseconds patience) const {
+  const Json answer = ask_jetstream(*connection_, api_ + "STREAM.INFO." + stream_,
+                                    {{"subjects_filter", "mw." + stream_ + ".*"}}, patience);
+  const int code = error_code_of(answer);
+  if (code == kMissingStream) return {};
+  if (code != 0 || !answer.contains("state") || !answer["state"].is_object())
+    throw Error(ErrorCode::kBadInput, "the broker does not say who is on '" + stream_ + "'",
+                connection_->state().server);
+  std::vector<Word> words;
+  const Json subjects = answer["state"].value("subjects", Json::object());
+  for (const auto& entry : subjects.items())
+    if (auto word = last_on(entry.key(), patience)) words.push_back(std::move(*word));
+  return words;
+}
+
+std::optional<NatsBoard::Word> NatsBoard::last_on(const std::string& subject,
+                                                  std::chrono::milliseconds patience) const {
   const std::string where = connection_->state().server;
-  const Json answer = ask_jetstream(*connection_, "$JS.API.STREAM.MSG.GET." + stream_,
-                                    {{"last_by_subj", subject_of(stream_, name)}}, patience);
+  const Json answer =
+      ask_jetstream(*connection_, api_ + "STREAM.MSG.GET." + stream_, {{"last_by_subj", subject}}, patience);
   const int code = error_code_of(answer);
   if (code == kMissingMessage || code == kMissingStream) return std::nullopt;
   if (code != 0)

@@ -23,15 +23,17 @@ struct PointCloudOptions {
   }
 };
 
-// Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from
-// above) and rgb: the colour of the robot that saw the point first, the colours of the picture. Points sorted by cube.
-// Of map_server grids: the centres of wall cells. After the walls come all of landmark_cloud().
-std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
-
 struct ColouredPoint {
   Eigen::Vector3f point;  // metres
   std::uint32_t rgb = 0;  // red << 16 | green << 8 | blue
 };
+
+// The walls of a map and its landmarks, in its frame: 0 is the floor that the robots' bases move on, since lasers are
+// seen from above. A wall point has the colour of the robot that saw it first, the colours of the picture; they are
+// sorted by cube. Of map_server grids: the centres of wall cells. After the walls come all of landmark_cloud().
+std::vector<ColouredPoint> map_cloud(const Map&, const PointCloudOptions& = {});
+// map_cloud() with fields x y z (metres) and rgb.
+std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
 
 // The landmarks of a map, in its frame and their own colours, in the order of their ids.
 std::vector<ColouredPoint> landmark_cloud(const Map&);

@@ -39,14 +39,25 @@ struct SensorContents {
   std::optional<RecordedCameraGeometry> camera;
 };
 
+// Of a ROS bag, whether it is read or not. Times are those at which messages were received.
+struct TopicContents {
+  std::string name, type;  // "/scan", "sensor_msgs/LaserScan"
+  std::uint64_t count = 0;
+  double rate_hz = 0.0;
+  double longest_gap_s = 0.0;
+  std::vector<std::string> frames;  // of its messages, of transforms "parent -> child"; the first 50
+};
+
 struct LogContents {
   std::string format;                   // "MRPT rawlog", "TUM RGB-D folder"
   std::vector<SensorContents> sensors;  // by label, then class
   std::uint64_t observations = 0, scans = 0;
   Stamp first, last;
   double duration_s = 0.0;
-  double odometry_length_m = 0.0;   // sum of steps; 0 where there is no odometry
-  std::vector<std::string> doubts;  // what is implausible of its numbers (unit_check.h), with a guess
+  double odometry_length_m = 0.0;     // sum of steps; 0 where there is no odometry
+  std::vector<TopicContents> topics;  // of a bag, by name
+  std::string trouble;                // why the topics of a bag become no observations; then there are none
+  std::vector<std::string> doubts;    // what is implausible of its numbers (unit_check.h), with a guess
   bool has_laser() const { return scans > 0; }
 };
 
@@ -54,6 +65,9 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
 
 // The format's name, without reading further than needed to know it. Throws what open_log throws.
 std::string format_of_log(const std::filesystem::path& log);
+
+// Whether the log is a folder of pictures, which is of one camera; folders of rosbag2 are not.
+bool is_picture_folder(const std::filesystem::path& log);
 
 // Whether the ground truth that comes with the log follows its camera's optical frame (folders of TUM RGB-D and KITTI)
 // and not the robot (EuRoC: the body of its sensor files).

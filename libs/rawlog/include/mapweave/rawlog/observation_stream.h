@@ -9,6 +9,8 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace mapweave::rawlog {
 
@@ -40,6 +42,12 @@ struct ReadOptions {
   double max_range_m = 0.0;
   double scan_rate_hz = 2.0;
   double max_pair_s = 0.02;
+  std::vector<std::string> topics;
+  std::string robot_namespace, robot_frame;
+  bool use_tf = true;
+  int cloud_ring = -1;
+  double cloud_low_m = -0.2;
+  double cloud_high_m = 0.2;
 
   template <class Visitor>
   void describe(Visitor& v) {
@@ -49,15 +57,15 @@ struct ReadOptions {
     v.positive("max_object_mb", max_object_mb,
                "an object in a rawlog of more than this size in megabytes is treated as damage, so that a broken "
                "length cannot exhaust memory; larger values accept larger objects");
-    v.number(
-        "laser_x_m", laser_x_m, -100.0, 100.0,
-        "distance in metres of the laser ahead of the robot's origin, for CARMEN and g2o logs that do not give it");
+    v.number("laser_x_m", laser_x_m, -100.0, 100.0,
+             "distance in metres of the laser ahead of the robot's origin, for CARMEN and g2o logs, and ROS bags, that "
+             "do not give it");
     v.number("laser_y_m", laser_y_m, -100.0, 100.0,
-             "distance in metres of the laser to the left of the robot's origin, for CARMEN and g2o logs that do not "
-             "give it");
-    v.number(
-        "laser_yaw_rad", laser_yaw_rad, -7.0, 7.0,
-        "heading of the laser on the robot in radians, counter-clockwise, for CARMEN and g2o logs that do not give it");
+             "distance in metres of the laser to the left of the robot's origin, for CARMEN and g2o logs, and ROS "
+             "bags, that do not give it");
+    v.number("laser_yaw_rad", laser_yaw_rad, -7.0, 7.0,
+             "heading of the laser on the robot in radians, counter-clockwise, for CARMEN and g2o logs, and ROS bags, "
+             "that do not give it");
     v.non_negative("max_range_m", max_range_m,
                    "laser readings of this distance in metres or more count as no return in CARMEN and g2o logs; "
                    "larger values keep more readings; 0: the maximum is found from the log");
@@ -65,8 +73,30 @@ struct ReadOptions {
         "scan_rate_hz", scan_rate_hz,
         "scans per second by which a g2o log without time stamps is stamped; larger values make its recording shorter");
     v.number("max_pair_s", max_pair_s, 0.0, 1.0,
-             "colour and depth pictures of a folder belong to one frame when their stamps differ by less than this "
+             "colour and depth, or left and right pictures of a folder or bag belong to one frame when their stamps "
+             "differ by less than this "
              "time in seconds; larger values pair more pictures, with larger errors of a moving camera");
+    v.texts("topics", topics,
+            "topics of a ROS bag that are read, as in [/scan, /odom]; transforms and calibrations come with them; "
+            "empty: by type, where there is one of a kind");
+    v.text("robot_namespace", robot_namespace,
+           "namespace of the robot that is read from a ROS bag of several robots, as in robot1 for /robot1/scan; "
+           "empty: the bag is of one robot");
+    v.text("robot_frame", robot_frame,
+           "frame of the robot in a ROS bag, to which its sensors' transforms lead; empty: the child frame of the "
+           "odometry, else base_footprint or base_link");
+    v.flag("use_tf", use_tf,
+           "use the transforms of a ROS bag to know where sensors stand; false: lasers stand as laser_x_m, laser_y_m "
+           "and laser_yaw_rad say, cameras look ahead from the robot's origin");
+    v.integer("cloud_ring", cloud_ring, -1, 65535,
+              "number of the ring whose points become planar scans, in a ROS bag with point clouds of a lidar with "
+              "rings; -1: the most level one");
+    v.number("cloud_low_m", cloud_low_m, -100.0, 100.0,
+             "height in metres above the sensor from which points become planar scans, in a ROS bag with point clouds "
+             "without rings; larger values drop more low points");
+    v.number("cloud_high_m", cloud_high_m, -100.0, 100.0,
+             "height in metres above the sensor up to which points become planar scans, in a ROS bag with point clouds "
+             "without rings; larger values keep more high points");
   }
 };
 

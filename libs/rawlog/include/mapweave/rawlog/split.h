@@ -33,4 +33,10 @@ struct SplitPart {
 std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::filesystem::path& out_folder,
                                  const SplitOptions& options, Progress& progress);
 
+// A ROS bag of several robots becomes a log of each, <out folder>/<namespace>.rawlog: namespaces that share a topic of
+// odometry, else those that hold a laser, else those that hold a camera. Nothing is cut. Throws Error kBadInput for
+// what is no bag, or has no such namespaces, and whatever reading and writing throw; then no part is left behind.
+std::vector<SplitPart> split_by_namespace(const std::filesystem::path& bag, const std::filesystem::path& out_folder,
+                                          const ReadOptions& options, Progress& progress);
+
 }  // namespace mapweave::rawlog

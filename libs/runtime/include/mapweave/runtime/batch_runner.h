@@ -4,6 +4,7 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/cluster.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
 
@@ -14,6 +15,7 @@ struct RunSettings {
   bool force = false;
   bool keep_going = false;  // bad input ends its robot's stream only; otherwise it ends the run and nothing is written.
                             // A dead helper ends its robot only
+  const Cluster* cluster = nullptr;  // maps the robots (run_batch alone); null: this process does
 };
 
 // Writes the folder of results. Throws Error: what the first robot in trouble met (without keep_going), kCannotWrite.

@@ -1,7 +1,7 @@
 #pragma once
 // A robot of a deployment: plays its recording, packs what a laser mapper needs, and sends it to its edge, whatever
-// becomes of the wire meanwhile. A robot that maps on board (cameras; a laser in mode onboard) sends its maps at its
-// end.
+// becomes of the wire meanwhile. A robot that maps on board (with cameras, also beside a laser; a laser in mode
+// onboard) sends its maps at its end.
 
 #include <mapweave/runtime/live_options.h>
 #include <mapweave/runtime/live_plan.h>
@@ -44,7 +44,7 @@ struct LiveRobotCounts {
 class LiveRobot {
  public:
   // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
-  // for a robot that does not map with either a laser or cameras.
+  // for a robot without a sensor.
   LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
             ConnectToEdge to_edge);
   ~LiveRobot();
@@ -71,8 +71,8 @@ class LiveRobot {
 Hash agreement_of(RunConfiguration configuration);
 
 // Throws Error(kBadInput), naming the key, for what robots, edges and a cloud that run as programs of their own do not
-// do yet: lasers and cameras of one robot, cameras that share while they drive, parts of logs. The plan's sensors need
-// not be chosen.
+// do yet: cameras that share while they drive, a coordinator of edges with brokers of their own, parts of logs. The
+// plan's sensors need not be chosen.
 void expect_live(const RunConfiguration& configuration, const RunPlan& plan);
 
 }  // namespace mapweave::runtime

@@ -115,12 +115,15 @@ struct VisualOptions {
 };
 
 struct EdgeEntry {
-  std::string id;
+  std::string id, broker = {};
   double speed = 1.0, from_s = 0.0, until_s = 0.0;
   int capacity = 0;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the edge's name");
+    v.text("broker", broker,
+           "NATS server of this edge, a leaf node of live.broker (serve): nats://host:port. Its robots and the edge "
+           "connect to it, and go on while the cloud is away; empty: live.broker");
     v.positive("speed", speed, "speed of this edge's processor relative to processors.edge; larger values are faster");
     v.integer("capacity", capacity, 0, 1000000,
               "most robots that the edge maps; larger values let the coordinator put more robots there; 0: any number");
@@ -368,6 +371,8 @@ void complete_starts(RunConfiguration&, const Origins&);
 void read_vocabulary(RunConfiguration&, const Origins&);
 // What the configuration says of an edge; the defaults where it lists none of this name.
 EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
+// Where an edge's programs, and those of its robots, find their broker.
+LiveOptions live_at(const RunConfiguration&, const TierId& edge);
 
 // The tier that fuses everything; no edge is called so.
 TierId cloud_tier();

@@ -33,6 +33,7 @@ struct BrokerOptions {
   std::optional<BrokerUser> leaf_user;         // that edges' servers must be; its subjects are not used
   std::filesystem::path ca, certificate, key;  // PEM files; with a certificate all connections have TLS, with ca
                                                // clients need one as well
+  std::filesystem::path hub_ca;                // PEM file by which it knows its hubs; empty: `ca`
 };
 
 // Throws Error(kMissing) where there is none: names the Debian package.

@@ -1,4 +1,4 @@
-#include "sqlite.h"
+#include <mapweave/core/sqlite.h>
 
 #include <sqlite3.h>
 
@@ -7,7 +7,7 @@
 #include <system_error>
 #include <utility>
 
-namespace mapweave::mapdb {
+namespace mapweave {
 namespace {
 
 constexpr int kMostBytes = 1 << 30;  // of a text, a blob or a row
@@ -32,9 +32,10 @@ std::string file_uri(const std::filesystem::path& path, const std::string& query
 
 Database::Database(const std::filesystem::path& path, Use use, std::filesystem::path shown, const char* kind)
     : use_(use), shown_(std::move(shown)), kind_(kind) {
-  const bool is_new = use != Use::read;
+  const bool is_new = use == Use::create || use == Use::append;
   const int flags = is_new ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
-  const std::string name = is_new ? std::filesystem::absolute(path).string() : file_uri(path, "mode=ro&immutable=1");
+  const std::string name = is_new ? std::filesystem::absolute(path).string()
+                                  : file_uri(path, use == Use::read ? "mode=ro&immutable=1" : "mode=ro");
   if (const int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
       code != SQLITE_OK) {
     try {
@@ -61,12 +62,15 @@ void Database::fail(int sqlite_code) const {
   const int system = handle_ == nullptr ? 0 : sqlite3_system_errno(handle_);
   const std::string words = handle_ == nullptr ? sqlite3_errstr(sqlite_code) : sqlite3_errmsg(handle_);
   const int primary = sqlite_code & 0xff;
+  const bool writes = use_ == Use::create || use_ == Use::append;
+  // Damaged files are seen to ask for any amount of memory.
+  if (primary == SQLITE_NOMEM && !writes) corrupt("it asks for more memory than can be had");
   if (primary == SQLITE_NOMEM) throw std::bad_alloc();
   if (use_ == Use::append && (primary == SQLITE_NOTADB || primary == SQLITE_CORRUPT)) corrupt(words);
   if (primary == SQLITE_BUSY || primary == SQLITE_LOCKED)
     throw Error(ErrorCode::kBadInput, "another process has it open", shown_.string(),
                 "end that one first, or choose another file");
-  if (use_ != Use::read) {
+  if (writes) {
     if (primary != SQLITE_FULL && system != ENOSPC && system != EDQUOT)
       throw Error(ErrorCode::kCannotWrite,
                   "the " + kind_ + " cannot be written: " + words +
@@ -79,6 +83,13 @@ void Database::fail(int sqlite_code) const {
         "the disk is full" + (ignored ? std::string() : " (" + std::to_string(space.available) + " bytes free)"),
         shown_.string(), "free some space or choose another folder");
   }
+  if (use_ == Use::read_with_log && (primary == SQLITE_CANTOPEN || primary == SQLITE_READONLY))
+    throw Error(
+        ErrorCode::kBadInput,
+        "the program that wrote it was ended in the midst, and what lies beside it (-wal or -journal) cannot be "
+        "used here: " +
+            words,
+        shown_.string(), "copy it with the files beside it to a folder where you may write");
   if (primary == SQLITE_CANTOPEN || primary == SQLITE_PERM || primary == SQLITE_AUTH)
     throw Error(ErrorCode::kMissing, "the " + kind_ + " cannot be opened: " + words, shown_.string(),
                 "check that you may read it");
@@ -170,4 +181,4 @@ void Statement::require_type(int column, int type) const {
     database_.corrupt("column '" + std::string(sqlite3_column_name(handle_, column)) + "' holds another type");
 }
 
-}  // namespace mapweave::mapdb
+}  // namespace mapweave

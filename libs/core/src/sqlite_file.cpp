@@ -1,4 +1,4 @@
-#include "sqlite_file.h"
+#include <mapweave/core/sqlite_file.h>
 
 #include <fcntl.h>
 #include <mapweave/core/error.h>
@@ -7,7 +7,7 @@
 #include <fstream>
 #include <numeric>
 
-namespace mapweave::mapdb {
+namespace mapweave {
 
 namespace fs = std::filesystem;
 
@@ -59,4 +59,4 @@ bool is_locked(const fs::path& path) {
   return locked;
 }
 
-}  // namespace mapweave::mapdb
+}  // namespace mapweave

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-namespace mapweave::mapdb {
+namespace mapweave {
 
 // `kind`: what it should be ("map store"); `ending`: how such files are named (".mwdb"). Throws Error: kMissing for
 // what is not there or cannot be read, kBadInput for a folder or another kind of file, kCorrupt for what is no SQLite
@@ -17,4 +17,4 @@ void expect_sqlite_file(const std::filesystem::path& path, const std::string& ki
 // undoes its lock.
 bool is_locked(const std::filesystem::path& path);
 
-}  // namespace mapweave::mapdb
+}  // namespace mapweave

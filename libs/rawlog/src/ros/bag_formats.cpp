@@ -1,0 +1,64 @@
+#include "bag_formats.h"
+
+#include "../byte_source.h"
+#include "bag_source.h"
+#include "mcap_reader.h"
+#include "ros1_bag.h"
+#include "rosbag2_storage.h"
+
+#include <mapweave/core/error.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <system_error>
+#include <utility>
+
+namespace mapweave::rawlog::ros {
+namespace {
+
+constexpr std::size_t kStartBytes = 64;
+
+std::uint64_t most_bytes(const ReadOptions& options) {
+  constexpr double kMegabyte = 1e6, kMost_mb = 4000.0;  // lengths in bags have 32 bits
+  return static_cast<std::uint64_t>(std::llround(std::min(options.max_object_mb, kMost_mb) * kMegabyte));
+}
+
+}  // namespace
+
+std::unique_ptr<BagReader> open_bag(const std::filesystem::path& path, const ReadOptions& options) {
+  const std::uint64_t most = most_bytes(options);
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored))
+    return is_rosbag2_folder(path) ? open_rosbag2_folder(path, most) : nullptr;
+  bool is_packed = false;
+  std::string start;
+  {
+    ByteSource bytes(path);
+    start = bytes.ahead(kStartBytes);
+    is_packed = bytes.packed();
+  }
+  if (is_ros1_bag(start)) return open_ros1_bag(path, most);
+  if (!is_mcap(start) && !is_db3(start)) return nullptr;
+  if (is_packed)
+    throw Error(ErrorCode::kUnsupported, "is a recording of ROS 2 packed with gzip", path.string(),
+                "unpack it first: gunzip --keep " + path.string());
+  if (is_mcap(start)) return open_mcap(path, most);
+  return open_db3(path, most);
+}
+
+std::unique_ptr<RecordSource> open_bag_log(std::unique_ptr<ByteSource> bytes, const ReadOptions& options) {
+  const std::filesystem::path path = bytes->path();
+  bytes.reset();
+  auto bag = open_bag(path, options);
+  if (!bag)
+    throw Error(ErrorCode::kCorrupt, "is named as a bag, but does not begin as one", path.string(),
+                "copy the bag again");
+  return open_bag_source(std::move(bag), path, options);
+}
+
+std::unique_ptr<RecordSource> open_bag_folder(const std::filesystem::path& folder, const ReadOptions& options) {
+  return open_bag_source(open_rosbag2_folder(folder, most_bytes(options)), folder, options);
+}
+
+}  // namespace mapweave::rawlog::ros

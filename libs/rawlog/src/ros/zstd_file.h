@@ -1,0 +1,19 @@
+#pragma once
+// Files and messages that rosbag2 compressed by zstd.
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string_view>
+#include <vector>
+
+namespace mapweave::rawlog::ros {
+
+// A message in CDR as it was before rosbag2 compressed it (compression_mode MESSAGE), by the mark at its beginning: no
+// message in CDR begins so. Throws Error kCorrupt without a place: damage, more than `most_bytes`.
+void unpack_message(std::string_view data, std::uint64_t most_bytes, std::vector<std::byte>& to);
+
+// Unpacks a file into a new one at `to`. Throws Error: kMissing, kCorrupt (naming `from`), kCannotWrite.
+void unpack_zstd_file(const std::filesystem::path& from, const std::filesystem::path& to);
+
+}  // namespace mapweave::rawlog::ros

@@ -1,0 +1,113 @@
+"""Writes small bags of ROS 1 (version 2.0, one chunk without compression), in the standard library alone."""
+import math
+import struct
+
+import support
+
+HEADER_BYTES = 4096
+
+
+def _text(value):
+    value = value.encode() if isinstance(value, str) else value
+    return struct.pack("<I", len(value)) + value
+
+
+def _header(stamp, frame):
+    return struct.pack("<III", 0, int(stamp), round(stamp % 1 * 1e9)) + _text(frame)
+
+
+def _pose(x, y, z, heading, roll=0.0):
+    # roll of 0 or pi
+    half = 0.5 * heading
+    rotation = (math.cos(half), math.sin(half), 0.0, 0.0) if roll else (0.0, 0.0, math.sin(half), math.cos(half))
+    return struct.pack("<7d", x, y, z, *rotation)
+
+
+def scan(stamp, ranges, topic="/scan", frame="laser", time_increment=0.0):
+    """Rays from -90 to +90 degrees."""
+    fan = struct.pack("<7f", -math.pi / 2, math.pi / 2, math.pi / (len(ranges) - 1), time_increment, 0.0, 0.05, 30.0)
+    data = _header(stamp, frame) + fan + struct.pack(f"<I{len(ranges)}fI", len(ranges), *ranges, 0)
+    return topic, "sensor_msgs/LaserScan", stamp, data
+
+
+def odometry(stamp, x, y, heading, topic="/odom", child="base_link"):
+    data = _header(stamp, "odom") + _text(child) + _pose(x, y, 0.0, heading) + bytes(8 * (36 + 6 + 36))
+    return topic, "nav_msgs/Odometry", stamp, data
+
+
+def transforms(stamp, links, topic="/tf_static"):
+    """`links`: (parent, child, x, y, z, heading, roll)."""
+    data = struct.pack("<I", len(links))
+    for parent, child, *pose in links:
+        data += _header(stamp, parent) + _text(child) + _pose(*pose)
+    return topic, "tf2_msgs/TFMessage", stamp, data
+
+
+def cloud(stamp, points, with_rings, topic="/points", frame="laser"):
+    """`points`: (x, y, z, ring)."""
+    fields = [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)] + ([("ring", 12, 4)] if with_rings else [])
+    step = 14 if with_rings else 12
+    data = _header(stamp, frame) + struct.pack("<III", 1, len(points), len(fields))
+    for name, offset, kind in fields:
+        data += _text(name) + struct.pack("<IBI", offset, kind, 1)
+    packed = b"".join(struct.pack("<3fH", *point)[:step] for point in points)
+    data += struct.pack("<BII", 0, step, len(packed)) + _text(packed) + b"\x01"
+    return topic, "sensor_msgs/PointCloud2", stamp, data
+
+
+def _field(name, value):
+    return _text(name.encode() + b"=" + value)
+
+
+def _record(fields, data):
+    return _text(b"".join(_field(name, value) for name, value in fields)) + _text(data)
+
+
+def bag(messages):
+    """The bytes of a bag of (topic, type, stamp, data)."""
+    topics = {}
+    for topic, kind, _, _ in messages:
+        topics.setdefault((topic, kind), len(topics))
+    connections = b"".join(
+        _record([("op", b"\x07"), ("conn", struct.pack("<I", number)), ("topic", topic.encode())],
+                _field("topic", topic.encode()) + _field("type", kind.encode()) + _field("md5sum", b"*") + _field("message_definition", b""))
+        for (topic, kind), number in topics.items())
+    records = b"".join(
+        _record([("op", b"\x02"), ("conn", struct.pack("<I", topics[topic, kind])), ("time", struct.pack("<II", int(stamp), round(stamp % 1 * 1e9)))], data)
+        for topic, kind, stamp, data in messages)
+    inside = connections + records
+    chunk = _record([("op", b"\x05"), ("compression", b"none"), ("size", struct.pack("<I", len(inside)))], inside)
+    magic = b"#ROSBAG V2.0\n"
+    start = len(magic) + HEADER_BYTES
+    counts = b"".join(struct.pack("<II", number, sum(message[:2] == key for message in messages)) for key, number in topics.items())
+    info = _record([("op", b"\x06"), ("ver", struct.pack("<I", 1)), ("chunk_pos", struct.pack("<Q", start)), ("count", struct.pack("<I", len(topics)))], counts)
+    fields = [("op", b"\x03"), ("index_pos", struct.pack("<Q", start + len(chunk))), ("conn_count", struct.pack("<I", len(topics))), ("chunk_count", struct.pack("<I", 1))]
+    padding = HEADER_BYTES - len(_record(fields, b""))
+    return magic + _record(fields, b" " * padding) + chunk + connections + info
+
+
+def drive(scans=30, robot="", shift=0.0, upside_down=False, time_increment=0.0):
+    """Messages of a robot that drives along support's room; its laser stands 0.2 m ahead."""
+    topics, frames = (f"/{robot}/", f"{robot}/") if robot else ("/", "")
+    messages = [transforms(1000.0, [(frames + "base_link", frames + "laser", 0.2, 0.0, 0.3, 0.0, math.pi if upside_down else 0.0)])]
+    for i in range(scans):
+        x, y, heading, stamp = 2.0 + shift + 0.05 * i, 2.0 + 0.02 * i, 0.01 * i, 1000.0 + 0.2 * i
+        messages.append(odometry(stamp, x, y, heading, topics + "odom", frames + "base_link"))
+        ranges = support.room_ranges(x + 0.2 * math.cos(heading), y + 0.2 * math.sin(heading), heading)
+        messages.append(scan(stamp, ranges[::-1] if upside_down else ranges, topics + "scan", frames + "laser", time_increment))
+    return messages
+
+
+def cloud_drive(with_rings, scans=20):
+    """As drive(), with clouds of three heights: the lowest and highest see a wall that is nearer."""
+    messages = [transforms(1000.0, [("base_link", "laser", 0.0, 0.0, 0.3, 0.0, 0.0)])]
+    for i in range(scans):
+        x, y, stamp = 2.0 + 0.05 * i, 2.0, 1000.0 + 0.2 * i
+        messages.append(odometry(stamp, x, y, 0.0))
+        points = []
+        for k, distance in enumerate(support.room_ranges(x, y, 0.0)):
+            angle = math.pi * (k / 180 - 0.5)
+            for ring, (height, share) in enumerate([(-0.25, 0.6), (0.0, 1.0), (0.25, 0.7)]):
+                points.append((share * distance * math.cos(angle), share * distance * math.sin(angle), height, ring))
+        messages.append(cloud(stamp, points, with_rings))
+    return messages
