@@ -235,6 +235,7 @@ std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) cons
   const std::string domain = domain_at(edge);
   if (domain.empty()) return std::nullopt;
   return transport::NatsBoard(connection_, kBoard, domain);
+}
 transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
 
 void ServedWires::remove(const std::string& name) {

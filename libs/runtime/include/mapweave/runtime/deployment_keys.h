@@ -24,8 +24,8 @@ std::string encode(const ProgramKeys& keys);
 // Throws Error: what read_file() throws, and kBadInput for what is no such file.
 ProgramKeys read_program_keys(const std::filesystem::path& file);
 
-// "robot-alpha", "edge-north", "cloud", "doctor", without passwords: of live.broker, or of the own broker of an edge; with
-// a coordinator, which may give any robot to any edge, "coordinator", too.
+// "robot-alpha", "edge-north", "cloud", "doctor", without passwords: of live.broker, or of the own broker of an edge;
+// with a coordinator, which may give any robot to any edge, "coordinator", too.
 std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuration, const RunPlan& plan,
                                             const std::optional<TierId>& at_broker_of = {});
 // Under which name an edge says to the coordinator what its maps show, beside its own.
