@@ -139,7 +139,7 @@ TEST_F(LiveCoordinatorTest, corrects_a_bad_start_by_what_robots_share) {
   EXPECT_EQ(made.edge_of.at(RobotId("beta")), made.edge_of.at(RobotId("delta")));
   EXPECT_NE(made.edge_of.at(RobotId("alpha")), made.edge_of.at(RobotId("beta")));
   EXPECT_EQ(coordinator->counts(now_s).moves, 2u) << "no more than it takes";
-  EXPECT_THAT(coordinator->counts(now_s).last, AllOf(HasSubstr("robot alpha comes"), HasSubstr(" to ")));
+  EXPECT_THAT(coordinator->counts(now_s).last, AllOf(HasSubstr("robot beta comes"), HasSubstr(" to ")));
   const std::uint64_t number = made.number;
   run(20.0);
   EXPECT_EQ(coordinator->plan().number, number) << "nothing is new";
@@ -308,7 +308,7 @@ TEST_F(LiveCoordinatorTest, takes_robots_off_an_edge_that_is_slow) {
 }
 
 TEST_F(LiveCoordinatorTest, says_who_has_no_edge_and_what_it_cannot_read) {
-  configuration.edges[0].capacity = 1;
+  configuration.edges[0].capacity = 2;
   configuration.edges[1].capacity = 2;
   for (RobotEntry& robot : configuration.robots) robot.edge.clear();
   start();
@@ -319,9 +319,14 @@ TEST_F(LiveCoordinatorTest, says_who_has_no_edge_and_what_it_cannot_read) {
                             now_s);
   EXPECT_EQ(coordinator->counts(now_s).unreadable, 4u);
   run(4.0);
+  EXPECT_EQ(coordinator->plan().members(TierId("north")).size(), 2u);
+  edges = {"south"};
+  ended = {"alpha", "beta", "gamma", "delta"};
+  for (int i = 0; i < 2; ++i) edge_says("south");
+  run(40.0);
   const LivePlan made = coordinator->plan();
-  EXPECT_EQ(made.members(TierId()).size(), 1u);
-  EXPECT_EQ(made.members(TierId("north")).size(), 1u);
+  EXPECT_EQ(made.members(TierId()).size(), 2u);
+  EXPECT_EQ(made.members(TierId("south")).size(), 2u);
   EXPECT_FALSE(made.is_final);
   EXPECT_THAT(status()["findings"].dump(), AllOf(HasSubstr("no edge has room for robot"), HasSubstr("4 words")));
 }

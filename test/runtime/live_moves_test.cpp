@@ -163,8 +163,11 @@ TEST_F(LiveMoves, keeps_a_recording_that_was_ended_on_request) {
   publish(kGood);
   await([&] { return has_ended("south", "gamma"); });
   EXPECT_EQ(gamma().counts().scans, scans);
-  for (const auto& robot : edges.at("south")->counts().robots)
-    if (robot.id == RobotId("gamma")) EXPECT_EQ(robot.scans, scans);
+  for (const auto& robot : edges.at("south")->counts().robots) {
+    if (robot.id == RobotId("gamma")) {
+      EXPECT_EQ(robot.scans, scans);
+    }
+  }
 }
 
 TEST_F(LiveMoves, passes_over_plans_that_are_old_or_of_a_deployment_before) {

@@ -185,13 +185,13 @@ std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, Un
     Anchor anchor;
     std::optional<Stamp> first;
     while (const auto record = log->next()) {
-      units.add(*record);
-      std::optional<Sensed> message = agent.step(*record);
       {
         const std::lock_guard lock(mutex);
-        sensed = std::max(sensed, ++counts.records);
         if (ends_here() || gives_up || begins_again) return std::nullopt;
+        sensed = std::max(sensed, ++counts.records);
       }
+      units.add(*record);
+      std::optional<Sensed> message = agent.step(*record);  // numbered: it is said
       if (!message) continue;
       units.look_at(*message);
       if (!first) begin(*(first = message->stamp));
