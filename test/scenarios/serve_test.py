@@ -71,7 +71,7 @@ def without_seconds(value):
 
 
 class Outcome(unittest.TestResult):
-    """Of one test, to be told to another result."""
+    """Of one test, to be reported to another result."""
 
     def __init__(self):
         super().__init__()
@@ -85,7 +85,7 @@ class Outcome(unittest.TestResult):
     def is_failure(self):
         return any(name in ("addError", "addFailure") for name, _ in self.said)
 
-    def tell(self, test, result):
+    def report_to(self, test, result):
         result.startTest(test)
         for name, arguments in self.said:
             getattr(result, name)(*arguments)
@@ -105,7 +105,7 @@ class WithBroker(support.Scenario):
             print(f"{self.id()}: the broker ended by itself ({self.lost_broker}); once more", file=sys.stderr, flush=True)
             outcome = Outcome()
             super().run(outcome)
-        outcome.tell(self, result)
+        outcome.report_to(self, result)
         return result
 
     def look_at_broker(self, broker, errors):
