@@ -501,6 +501,7 @@ processors.cloud 0.1
 # Options that must not change a result. Those that stand in a case as well are tried.
 WITHOUT_EFFECT = {
     "edges.broker": "of programs that talk (serve), not of a run; serve_keys_test.py",
+    "reading.follow": "of recordings that are still written; test/rawlog/ros_recorder_test.cpp",
     "live.broker": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.keys": "of programs that talk (serve), not of a run; serve_keys_test.py",
     "live.unprotected": "of programs that talk (serve), not of a run; serve_keys_test.py",

@@ -43,7 +43,7 @@ std::unique_ptr<BagReader> open_bag(const std::filesystem::path& path, const Rea
   if (is_packed)
     throw Error(ErrorCode::kUnsupported, "is a recording of ROS 2 packed with gzip", path.string(),
                 "unpack it first: gunzip --keep " + path.string());
-  if (is_mcap(start)) return open_mcap(path, most);
+  if (is_mcap(start)) return open_mcap(path, most, options.follow);
   return open_db3(path, most);
 }
 

@@ -13,8 +13,10 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
 #include <optional>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -112,7 +114,8 @@ void expect_ros_messages(const McapChannels& channels, const SeekableFile& file)
 
 class McapReader final : public BagReader {
  public:
-  McapReader(const std::filesystem::path& path, std::uint64_t most_bytes) : file_(path), window_(file_, most_bytes) {
+  McapReader(const std::filesystem::path& path, std::uint64_t most_bytes, bool follows)
+      : file_(path), window_(file_, most_bytes), follows_(follows) {
     check_magic(file_);
     McapSummary summary = read_mcap_summary(file_, most_bytes);
     channels_ = std::move(summary.channels);
@@ -176,17 +179,33 @@ class McapReader final : public BagReader {
     std::string_view data;  // in window_ or unpacked_
   };
 
-  // Reads the whole file once. What is wrong with it is said when it is read again.
+  // Reads the whole file once; of one that is still written its beginning. What is wrong with it is said when it is
+  // read again.
   void find_topics() {
     selected_.emplace();
     try {
-      while (advance()) {
+      while (!(follows_ && file_.look_again() && is_at_message()) && advance()) {
         if (std::exchange(pending_, nullptr)) break;
       }
     } catch (const Error&) {}
     selected_.reset();
     position_ = 0;
     crc_so_far_ = 0;
+  }
+
+  bool is_at_message() const {
+    char opcode = 0;
+    return !channels_.topics().empty() &&
+           (!file_.read_at(position_, &opcode, 1) || static_cast<Opcode>(opcode) == Opcode::kMessage);
+  }
+
+  // Until the file has so many bytes, or gets no more.
+  void await(std::uint64_t bytes) {
+    constexpr std::chrono::milliseconds kBetweenLooks{5};
+    while (follows_ && file_.bytes() < bytes && file_.look_again() && file_.bytes() < bytes) {
+      throw_if_interrupted();
+      std::this_thread::sleep_for(kBetweenLooks);
+    }
   }
 
   bool advance_by_index() {
@@ -219,6 +238,7 @@ class McapReader final : public BagReader {
   bool advance() {
     if (position_ == 0) pass(window_.bytes_at(0, kMcapMagic.size(), "its first bytes"));
     place_ = position_;
+    await(position_ + kRecordHeadBytes);
     if (position_ == file_.bytes()) {
       if (began_)
         log(LogLevel::warning,
@@ -240,6 +260,7 @@ class McapReader final : public BagReader {
       return true;
     }
     throw_if_interrupted();
+    await(position_ + kRecordHeadBytes + std::min(head.bytes, window_.most_bytes()));
     if (const std::uint64_t left = file_.bytes() - position_ - kRecordHeadBytes; head.bytes > left) {
       take_end(head, left);
       return true;
@@ -341,6 +362,7 @@ class McapReader final : public BagReader {
 
   SeekableFile file_;
   FileWindow window_;
+  const bool follows_;
   McapChannels channels_;
   bool has_counts_ = false, began_ = false, ended_ = false;
   std::optional<std::vector<bool>> selected_;
@@ -362,8 +384,8 @@ bool is_mcap(std::string_view start_of_file) {
   return start_of_file.substr(0, 5) == kMcapMagic.substr(0, 5) && start_of_file.substr(6, 2) == kMcapMagic.substr(6);
 }
 
-std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path, std::uint64_t most_bytes) {
-  return std::make_unique<McapReader>(path, most_bytes);
+std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path, std::uint64_t most_bytes, bool follows) {
+  return std::make_unique<McapReader>(path, most_bytes, follows);
 }
 
 }  // namespace mapweave::rawlog::ros

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <system_error>
 #include <utility>
@@ -51,6 +52,16 @@ bool SeekableFile::read_at(std::uint64_t offset, void* to, std::size_t count) co
     count -= static_cast<std::size_t>(got);
   }
   return true;
+}
+
+bool SeekableFile::look_again() {
+  struct flock lock {};
+  lock.l_type = F_RDLCK;
+  lock.l_whence = SEEK_SET;
+  const bool is_written = ::fcntl(number_, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
+  struct stat found {};
+  if (::fstat(number_, &found) == 0) bytes_ = std::max(bytes_, static_cast<std::uint64_t>(found.st_size));
+  return is_written;
 }
 
 std::string SeekableFile::place(std::uint64_t offset) const {

@@ -18,7 +18,9 @@ class SeekableFile {
 
   // Whether the file has so many bytes there; they are copied. Throws Error kMissing where the disk fails.
   bool read_at(std::uint64_t offset, void* to, std::size_t count) const;
-  std::uint64_t bytes() const { return bytes_; }  // as it was opened
+  std::uint64_t bytes() const { return bytes_; }  // as it was opened, or looked at last
+  // Looks at it again. False: no RosRecorder writes it any more, and bytes() are all.
+  bool look_again();
   const std::filesystem::path& path() const { return path_; }
   std::string place(std::uint64_t offset) const;  // "a.mcap at byte 17"
 

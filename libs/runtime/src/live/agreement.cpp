@@ -9,6 +9,7 @@ Hash agreement_of(RunConfiguration configuration) {
   for (EdgeEntry& edge : configuration.edges) edge.broker.clear();
   configuration.output = {};
   configuration.live = {};
+  configuration.reading.follow = false;
   configuration.visual.vocabulary.clear();  // a path
   return Hasher().add(program_version()).add(to_yaml(configuration)).finish();
 }

@@ -1,0 +1,60 @@
+#pragma once
+// Writes what arrives on ROS 1 topics into an MCAP recording, message by message, so that it can be read while it grows
+// (ReadOptions::follow). A recorder that was killed goes on where its file ends.
+
+#include <mapweave/rawlog/observation_stream.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mapweave::rawlog {
+
+struct RecordedTopic {
+  std::string name, type;  // "/alpha/scan", "sensor_msgs/LaserScan"
+  std::string definition;  // of the type, as ROS has it; other programs need it
+};
+
+// Which of the topics that are there are read of a recording that holds them, by the reading options: what maps,
+// odometry, inertial units, transforms and calibrations; of cameras those that `reading` names, or all where they are
+// wanted. where: of what, for errors. Throws Error(kBadInput) where nothing can be mapped, and where it is not clear
+// which one.
+std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& there, const ReadOptions& reading,
+                                            bool with_cameras, const std::string& where);
+
+// What was written so far is never lost: it is in the file when add() returns. Thread-safe.
+class RosRecorder {
+ public:
+  // Begins a recording. Throws Error: kCannotWrite, also where the file is there already.
+  RosRecorder(std::filesystem::path path, std::vector<RecordedTopic> topics);
+  // Goes on with one that was not finished, behind its last whole message. Throws Error: kMissing, kCannotWrite where
+  // another program writes it, kBadInput where it is finished, or was not written by this class.
+  explicit RosRecorder(std::filesystem::path path);
+  ~RosRecorder();  // leaves it unfinished, to be gone on with
+  RosRecorder(const RosRecorder&) = delete;
+  RosRecorder& operator=(const RosRecorder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  const std::vector<RecordedTopic>& topics() const { return topics_; }
+  // message: as ROS serialized it. received_ns: since 1970. Nothing once it is finished. Throws Error(kCannotWrite).
+  void add(std::size_t topic, std::int64_t received_ns, std::string_view message);
+  // Who follows it reaches its end. Throws Error(kCannotWrite).
+  void finish();
+  bool is_finished() const;
+  std::uint64_t messages() const;  // of this recorder
+
+ private:
+  void open(int flags);
+  void write(std::string_view bytes);
+
+  const std::filesystem::path path_;
+  std::vector<RecordedTopic> topics_;
+  mutable std::mutex mutex_;
+  int file_ = -1;  // -1 where it is finished
+  std::uint64_t messages_ = 0, bytes_ = 0;
+};
+
+}  // namespace mapweave::rawlog

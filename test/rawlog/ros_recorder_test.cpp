@@ -1,0 +1,155 @@
+// Recordings that are read while they are written.
+
+#include "bags.h"
+
+#include <mapweave/core/log.h>
+#include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/rawlog/ros_recorder.h>
+#include <ros/mcap_reader.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+namespace mapweave::rawlog {
+namespace {
+
+using test::TemporaryFolder;
+using ::testing::HasSubstr;
+
+const std::vector<RecordedTopic> kTopics = {{"/a/scan", "sensor_msgs/LaserScan", "float32[] ranges"},
+                                            {"/a/odom", "nav_msgs/Odometry", ""}};
+
+std::vector<BagEntry> drive(int scans) {
+  std::vector<BagEntry> entries;
+  for (int i = 0; i < scans; ++i) {
+    entries.push_back(bag_odometry(0.1 * i, 0.01 * i, 0.0, 0.0, "/a/odom"));
+    entries.push_back(bag_scan(0.1 * i));
+  }
+  return entries;
+}
+
+void add(RosRecorder& recorder, const BagEntry& entry) {
+  recorder.add(entry.type == kTopics[0].type ? 0 : 1, stamp_from_seconds(entry.received_s).ns, entry.data);
+}
+
+ReadOptions without_transforms(bool follow) {
+  ReadOptions options;
+  options.use_tf = false;
+  options.follow = follow;
+  return options;
+}
+
+std::size_t count_of(ObservationStream& stream) {
+  std::size_t count = 0;
+  while (stream.next()) ++count;
+  return count;
+}
+
+TEST(RosRecorder, what_it_writes_is_read_while_it_grows) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "robot" / "a.mcap";
+  RosRecorder recorder(path, kTopics);
+  std::atomic<std::size_t> read = 0;
+  std::thread reader([&] {
+    const auto stream = open_log(path, without_transforms(true));
+    while (stream->next()) ++read;
+  });
+  const auto entries = drive(100);
+  for (const BagEntry& entry : entries) add(recorder, entry);
+  // What is not held back to be sorted comes without an end.
+  for (int i = 0; i < 2000 && read < 150; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_GE(read, 150U);
+  EXPECT_LT(read, entries.size());
+  recorder.finish();
+  reader.join();
+  EXPECT_EQ(read, entries.size());
+  EXPECT_EQ(count_of(*open_log(path, without_transforms(false))), entries.size());
+  EXPECT_EQ(ros::open_mcap(path)->topics().at(1).name, "/a/odom");
+}
+
+TEST(RosRecorder, a_reader_that_does_not_follow_ends_where_the_recording_is) {
+  const TemporaryFolder folder;
+  RosRecorder recorder(folder.path() / "a.mcap", kTopics);
+  for (const BagEntry& entry : drive(3)) add(recorder, entry);
+  EXPECT_EQ(count_of(*open_log(recorder.path(), without_transforms(false))), 6U);
+}
+
+TEST(RosRecorder, a_recorder_that_is_gone_is_not_waited_for) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.mcap";
+  {
+    RosRecorder recorder(path, kTopics);
+    for (const BagEntry& entry : drive(3)) add(recorder, entry);
+  }
+  EXPECT_EQ(count_of(*open_log(path, without_transforms(true))), 6U);
+}
+
+// Killed at any byte behind its beginning.
+TEST(RosRecorder, goes_on_behind_its_last_whole_message) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.mcap", cut = folder.path() / "cut.mcap";
+  const auto entries = drive(3);
+  std::uint64_t beginning = 0;
+  {
+    RosRecorder recorder(path, kTopics);
+    beginning = std::filesystem::file_size(path);
+    for (const BagEntry& entry : entries) add(recorder, entry);
+  }
+  for (std::uint64_t bytes = beginning; bytes <= std::filesystem::file_size(path); ++bytes) {
+    std::filesystem::copy_file(path, cut, std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(cut, bytes);
+    {
+      RosRecorder again(cut);
+      ASSERT_EQ(again.topics().size(), 2U);
+      EXPECT_EQ(again.topics()[0].name, "/a/scan");
+      add(again, bag_scan(1.0));
+      again.finish();
+    }
+    const auto bag = ros::open_mcap(cut);
+    ros::BagMessage message;
+    std::size_t count = 0;
+    while (bag->next(message)) {
+      const std::string data(reinterpret_cast<const char*>(message.data.data()), message.data.size());
+      if (count < entries.size() && message.received_ns != stamp_from_seconds(1.0).ns) {
+        EXPECT_EQ(data, entries[count].data);
+      }
+      ++count;
+    }
+    EXPECT_EQ(message.received_ns, stamp_from_seconds(1.0).ns);
+    EXPECT_GE(count, 1U);
+    if (bytes == std::filesystem::file_size(path)) {
+      EXPECT_EQ(count, entries.size() + 1);
+    }
+  }
+}
+
+TEST(RosRecorder, refuses_what_it_cannot_go_on_with) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.mcap";
+  RosRecorder recorder(path, kTopics);
+  EXPECT_THROW(RosRecorder(path, kTopics), Error) << "it is there";
+  EXPECT_THROW(RosRecorder{path}, Error) << "it is being written";
+  recorder.finish();
+  recorder.finish();
+  add(recorder, bag_scan(1.0));  // too late
+  EXPECT_TRUE(recorder.is_finished());
+  const auto message_of = [](const std::filesystem::path& file) -> std::string {
+    try {
+      RosRecorder again(file);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "nothing";
+  };
+  EXPECT_THAT(message_of(path), HasSubstr("finished"));
+  EXPECT_THAT(message_of(folder.path() / "none.mcap"), HasSubstr("there is no recording"));
+  std::ofstream(folder.path() / "text.mcap") << "not a recording at all";
+  EXPECT_THAT(message_of(folder.path() / "text.mcap"), HasSubstr("no MCAP"));
+  std::filesystem::copy_file(test::own_data("ros2/no_summary.mcap"), folder.path() / "others.mcap");
+  EXPECT_THAT(message_of(folder.path() / "others.mcap"), HasSubstr("another program"));
+}
+
+}  // namespace
+}  // namespace mapweave::rawlog
