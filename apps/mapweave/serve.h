@@ -2,10 +2,12 @@
 // What the parts of `serve` share.
 
 #include "configuration.h"
+#include "starting_robot.h"
 #include "stop_signals.h"
 
 #include <mapweave/core/exit_code.h>
 #include <mapweave/runtime/live_cloud.h>
+#include <mapweave/runtime/live_coordinator.h>
 #include <mapweave/runtime/live_status.h>
 #include <mapweave/runtime/nats_wires.h>
 #include <mapweave/runtime/page_server.h>
@@ -26,9 +28,9 @@ namespace mapweave::app {
 std::string joint_in_words(const std::vector<std::vector<MapId>>& joint);
 
 // Until the results are written and the edges know it: shows what it does. `asked`: called once, when the user wants an
-// end. Throws Interrupted where the user asks again.
+// end. now_and_then: true where an end is asked for. Throws Interrupted where the user asks again.
 runtime::Report wait_for_results(runtime::LiveCloud& cloud, StopSignals& signals, const std::function<void()>& asked,
-                                 const std::function<void()>& now_and_then);
+                                 const std::function<bool()>& now_and_then);
 
 // Since when a program runs, and who is missing for it.
 class RunningSince {
@@ -106,8 +108,40 @@ runtime::PageSource page_of(const std::string& title, const runtime::RunConfigur
 // Shows it, and says where; warns where others than this machine reach it. port 0: any that is free.
 std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port, runtime::PageSource, Progress&);
 
+// Which of a deployment's programs this one is.
+struct RoleArguments {
+  std::filesystem::path file;
+  std::string name;
+  WritingFlags flags;
+};
+
+// What another program adds to a role. Called by the thread that serves.
+class RoleCompanion {
+ public:
+  using Status = std::function<nlohmann::ordered_json()>;
+  RoleCompanion() = default;
+  virtual ~RoleCompanion() = default;
+  RoleCompanion(const RoleCompanion&) = delete;
+  RoleCompanion& operator=(const RoleCompanion&) = delete;
+
+  // Before the tier is made. name: the robot or edge that it is.
+  virtual void begin(const Deployment&, const std::string& /*name*/, StopSignals&) {}
+  // Now and then. True: the tier is asked to end as if Ctrl-C were pressed: a robot its drive, a cloud the collecting.
+  virtual bool look(const StartingRobot&, const Status&) { return false; }
+  virtual bool look(runtime::LiveEdge&, const Status&) { return false; }
+  virtual bool look(runtime::LiveCloud&, const Status&) { return false; }
+  virtual bool look(runtime::LiveCoordinator&, const Status&) { return false; }
+  virtual bool shows_maps() const { return false; }  // an edge's and a cloud's previews are to be kept
+  // No more of the robot's log will be needed, or the program ends: whoever writes the log finishes it.
+  virtual void end_log() {}
+};
+
+ExitCode serve_robot(const RoleArguments&, RoleCompanion&);
+ExitCode serve_edge(const RoleArguments&, RoleCompanion&);
+ExitCode serve_cloud(const RoleArguments&, RoleCompanion&);
+
 // serve coordinator: decides until the team's map is written; its plans are kept in out/plan.json.
-ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out);
+ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleCompanion&);
 
 // serve demo: all of it on this machine.
 struct DemoArguments {

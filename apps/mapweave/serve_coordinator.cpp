@@ -67,7 +67,7 @@ class Coordination {
     write();
   }
 
-  const runtime::LiveCoordinator& coordinator() const { return *coordinator_; }
+  runtime::LiveCoordinator& coordinator() { return *coordinator_; }
   double now_s() const {
     const std::lock_guard lock(mutex_);
     return time_.now_s();
@@ -194,7 +194,7 @@ void MapReportPublisher::publish(const runtime::LiveEdge& edge) {
   if (board_.put(name_, word)) said_ = std::move(word);
 }
 
-ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out) {
+ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleCompanion& companion) {
   StopSignals signals;
   if (!is_coordinated(deployment))
     throw Error(ErrorCode::kBadInput, "the configuration has no coordinator", "coordinator.method",
@@ -206,9 +206,10 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
     throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(), out.string(),
                 "name another one in --out");
   const auto progress = make_terminal_progress();
+  companion.begin(deployment, kName, signals);
   const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   Coordination coordination(deployment, wires, out, *progress);
-  const runtime::LiveCoordinator& coordinator = coordination.coordinator();
+  runtime::LiveCoordinator& coordinator = coordination.coordinator();
   const auto status = [&] {
     const runtime::StatusTerms terms = since.terms();
     return runtime::program_status(kName, kName, {tier_status(coordinator.counts(coordination.now_s()), terms)}, terms);
@@ -226,6 +227,10 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
   ServiceNotifier service;
   Clock::time_point next{};
   while (!coordinator.plan().is_done) {
+    if (companion.look(coordinator, status)) {
+      coordinator.decide_soon();
+      next = {};
+    }
     if (Clock::now() >= next) {
       coordination.look();
       next = Clock::now() + kBetweenLooks;

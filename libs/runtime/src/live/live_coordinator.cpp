@@ -323,6 +323,11 @@ void LiveCoordinator::receive_maps(const TierId& edge, std::string_view maps) {
   state_->receive("edge " + edge.str(), [&] { state_->take_maps(edge, maps); });
 }
 
+void LiveCoordinator::decide_soon() {
+  const std::lock_guard lock(state_->mutex);
+  state_->is_urgent = true;
+}
+
 bool LiveCoordinator::step(double now_s) {
   const std::lock_guard lock(state_->mutex);
   return state_->step(now_s);

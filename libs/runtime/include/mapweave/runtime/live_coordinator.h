@@ -60,6 +60,9 @@ class LiveCoordinator {
   // Decides if it is time to. True: there is a new plan. Throws Error as Coordinator::decide.
   bool step(double now_s);
 
+  // The next step() decides, whenever the last one did.
+  void decide_soon();
+
   LivePlan plan() const;  // number 0: no robot has come yet
   LiveCoordinatorCounts counts(double now_s) const;
   // {plan, since, final, done, method, expected_seconds, edges, wires, overlaps, decisions}: of wires and edges what is

@@ -1,0 +1,66 @@
+#include "starting_robot.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/sensor_choice.h>
+
+#include <utility>
+
+namespace mapweave::app {
+namespace {
+
+runtime::PlannedRobot with_sensors(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration) {
+  runtime::RunPlan plan;
+  plan.robots.push_back(std::move(robot));
+  WorkerPool alone(1);
+  runtime::choose_sensors(plan, configuration, alone);
+  return std::move(plan.robots.front());
+}
+
+}  // namespace
+
+StartingRobot::StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
+                             runtime::ConnectToEdge to_edge)
+    : robot_(std::move(robot)),
+      configuration_(configuration),
+      to_edge_(std::move(to_edge)),
+      looks_(std::async(std::launch::async, with_sensors, robot_, std::cref(configuration))) {}
+
+bool StartingRobot::look() {
+  const std::lock_guard lock(mutex_);
+  if (started_) return true;
+  if (looks_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return false;
+  robot_ = looks_.get();
+  if (robot_.trouble && robot_.trouble->code() == ErrorCode::kMissing) throw Error(*robot_.trouble);
+  started_.emplace(robot_, configuration_, configuration_.live, std::move(to_edge_));
+  if (plan_) started_->follow(*plan_);
+  if (ends_) started_->end();
+  return true;
+}
+
+void StartingRobot::end() {
+  const std::lock_guard lock(mutex_);
+  ends_ = true;
+  if (started_) started_->end();
+}
+
+void StartingRobot::follow(const runtime::LivePlan& plan) {
+  const std::lock_guard lock(mutex_);
+  plan_ = plan;
+  if (started_) started_->follow(plan);
+}
+
+bool StartingRobot::is_done() const {
+  const std::lock_guard lock(mutex_);
+  return started_ && started_->is_done();
+}
+
+runtime::LiveRobotCounts StartingRobot::counts() const {
+  const std::lock_guard lock(mutex_);
+  if (started_) return started_->counts();
+  runtime::LiveRobotCounts none;
+  none.edge = robot_.edge;
+  return none;
+}
+
+}  // namespace mapweave::app

@@ -1,0 +1,38 @@
+#pragma once
+// A robot of a deployment, which starts once its log shows what it senses with.
+
+#include <mapweave/runtime/live_robot.h>
+
+#include <future>
+#include <mutex>
+#include <optional>
+
+namespace mapweave::app {
+
+// Thread-safe. A log that is read while it is written (reading.follow) must be finished before this is let go of.
+class StartingRobot {
+ public:
+  // Looks into the log on a thread of its own. The configuration must outlive it.
+  StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
+                runtime::ConnectToEdge to_edge);
+
+  const RobotId& id() const { return robot_.id; }
+  // Now and then. True: it has started. Throws Error: kMissing where there is no log, and as LiveRobot does.
+  bool look();
+  void end();  // as LiveRobot's
+  void follow(const runtime::LivePlan& plan);
+  runtime::LiveRobotCounts counts() const;  // of one that has not started: that it has sensed nothing
+  bool is_done() const;
+
+ private:
+  runtime::PlannedRobot robot_;  // its id and edge stay
+  const runtime::RunConfiguration& configuration_;
+  runtime::ConnectToEdge to_edge_;
+  mutable std::mutex mutex_;
+  std::future<runtime::PlannedRobot> looks_;
+  std::optional<runtime::LivePlan> plan_;  // the last one before it started
+  bool ends_ = false;
+  std::optional<runtime::LiveRobot> started_;
+};
+
+}  // namespace mapweave::app
