@@ -91,7 +91,7 @@ Action set_up_serve(CLI::App& verb) {
   show_examples(*keys, {"mapweave serve keys office.yaml --host 10.0.0.1 --out keys"});
   show_examples(*demo, {"mapweave serve demo --out maps/demo"});
   return [=] {
-    RoleCompanion none;
+    RoleExtension none;
     if (robot->parsed()) return serve_robot(arguments->role, none);
     if (edge->parsed()) return serve_edge(arguments->role, none);
     if (cloud->parsed()) return serve_cloud(arguments->role, none);

@@ -116,13 +116,13 @@ struct RoleArguments {
 };
 
 // What another program adds to a role. Called by the thread that serves.
-class RoleCompanion {
+class RoleExtension {
  public:
   using Status = std::function<nlohmann::ordered_json()>;
-  RoleCompanion() = default;
-  virtual ~RoleCompanion() = default;
-  RoleCompanion(const RoleCompanion&) = delete;
-  RoleCompanion& operator=(const RoleCompanion&) = delete;
+  RoleExtension() = default;
+  virtual ~RoleExtension() = default;
+  RoleExtension(const RoleExtension&) = delete;
+  RoleExtension& operator=(const RoleExtension&) = delete;
 
   // Before the tier is made. name: the robot or edge that it is.
   virtual void begin(const Deployment&, const std::string& /*name*/, StopSignals&) {}
@@ -136,12 +136,12 @@ class RoleCompanion {
   virtual void end_log() {}
 };
 
-ExitCode serve_robot(const RoleArguments&, RoleCompanion&);
-ExitCode serve_edge(const RoleArguments&, RoleCompanion&);
-ExitCode serve_cloud(const RoleArguments&, RoleCompanion&);
+ExitCode serve_robot(const RoleArguments&, RoleExtension&);
+ExitCode serve_edge(const RoleArguments&, RoleExtension&);
+ExitCode serve_cloud(const RoleArguments&, RoleExtension&);
 
 // serve coordinator: decides until the team's map is written; its plans are kept in out/plan.json.
-ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleCompanion&);
+ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleExtension&);
 
 // serve demo: all of it on this machine.
 struct DemoArguments {

@@ -194,7 +194,7 @@ void MapReportPublisher::publish(const runtime::LiveEdge& edge) {
   if (board_.put(name_, word)) said_ = std::move(word);
 }
 
-ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleCompanion& companion) {
+ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleExtension& extension) {
   StopSignals signals;
   if (!is_coordinated(deployment))
     throw Error(ErrorCode::kBadInput, "the configuration has no coordinator", "coordinator.method",
@@ -206,7 +206,7 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
     throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(), out.string(),
                 "name another one in --out");
   const auto progress = make_terminal_progress();
-  companion.begin(deployment, kName, signals);
+  extension.begin(deployment, kName, signals);
   const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   Coordination coordination(deployment, wires, out, *progress);
   runtime::LiveCoordinator& coordinator = coordination.coordinator();
@@ -227,7 +227,7 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
   ServiceNotifier service;
   Clock::time_point next{};
   while (!coordinator.plan().is_done) {
-    if (companion.look(coordinator, status)) {
+    if (extension.look(coordinator, status)) {
       coordinator.decide_soon();
       next = {};
     }

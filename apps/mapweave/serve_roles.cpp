@@ -76,13 +76,13 @@ bool has_said_all(const runtime::LiveRobotCounts& robot) { return robot.is_read 
 // Whoever writes a log that is followed must end before who reads it does.
 class LogEnd {
  public:
-  explicit LogEnd(RoleCompanion& companion) : companion_(companion) {}
-  ~LogEnd() { companion_.end_log(); }
+  explicit LogEnd(RoleExtension& extension) : extension_(extension) {}
+  ~LogEnd() { extension_.end_log(); }
   LogEnd(const LogEnd&) = delete;
   LogEnd& operator=(const LogEnd&) = delete;
 
  private:
-  RoleCompanion& companion_;
+  RoleExtension& extension_;
 };
 
 // What a robot says to its user.
@@ -117,7 +117,7 @@ class RobotLines {
 
 }  // namespace
 
-ExitCode serve_robot(const RoleArguments& arguments, RoleCompanion& companion) {
+ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   StopSignals signals;
   const Deployment deployment = load_deployment(arguments.file, arguments.flags);
   const RunningSince since(deployment.live());
@@ -128,10 +128,10 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleCompanion& companion) {
                                     [&](const runtime::PlannedRobot& robot) { return robot.id == name; });
   const runtime::NatsWires wires(deployment.loaded.configuration, planned->edge, kToConnect);
   PlanReader plans(wires, deployment);
-  companion.begin(deployment, name.str(), signals);
+  extension.begin(deployment, name.str(), signals);
   StartingRobot robot(*planned, deployment.loaded.configuration,
                       [&](const TierId& edge) { return wires.from_robot(name, edge)(); });
-  const LogEnd log_end(companion);
+  const LogEnd log_end(extension);
   const auto progress = make_terminal_progress();
   RobotLines lines(name, *progress);
   const auto status = [&] {
@@ -150,7 +150,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleCompanion& companion) {
     const runtime::LiveRobotCounts now = robot.counts();
     service.turn(service_turn_of(now));
     if (has_started) lines.show(now);
-    const bool is_to_end = companion.look(robot, status) && !is_asked;
+    const bool is_to_end = extension.look(robot, status) && !is_asked;
     if (has_said_all(now) && is_asked) break;
     if (!is_to_end && !signals.wait(kStep)) continue;
     if (is_asked || (!is_to_end && signals.asks_for_a_pause()))
@@ -158,7 +158,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleCompanion& companion) {
                         " bytes did not get to the edge, which goes on when the robot is started again");
     is_asked = true;
     robot.end();
-    companion.end_log();
+    extension.end_log();
     log(LogLevel::info, "robot " + name.str() + " ends its recording and sends the rest; again to end at once");
   }
   publisher.publish(true);
@@ -166,7 +166,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleCompanion& companion) {
   return ExitCode::done;
 }
 
-ExitCode serve_edge(const RoleArguments& arguments, RoleCompanion& companion) {
+ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
   StopSignals signals;
   Deployment deployment = load_deployment(arguments.file, arguments.flags);
   const RunningSince since(deployment.live());
@@ -175,13 +175,13 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleCompanion& companion) {
   const TierId name(chosen("edge", arguments.name, names));
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  companion.begin(deployment, name.str(), signals);
+  extension.begin(deployment, name.str(), signals);
   const runtime::NatsWires wires(deployment.loaded.configuration, name, kToConnect);
   const auto journal = journal_in(deployment.live(), name.str());
   {
     runtime::LiveEdge edge(name,
                            {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
-                            journal, shows(deployment) || companion.shows_maps()},
+                            journal, shows(deployment) || extension.shows_maps()},
                            wires.from_edge(name));
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
     const auto add = [&](const RobotId& robot) { robots.add(robot.str(), wires.at_edge(robot, name)); };
@@ -213,7 +213,7 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleCompanion& companion) {
       publisher.publish();
       if (is_coordinated(deployment)) maps.publish(edge);
       service.turn(service_turn_of(edge.counts()));
-      companion.look(edge, status);
+      extension.look(edge, status);
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
                           " when it is started again");
@@ -226,19 +226,19 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleCompanion& companion) {
   return ExitCode::done;
 }
 
-ExitCode serve_cloud(const RoleArguments& arguments, RoleCompanion& companion) {
+ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
   StopSignals signals;
   Deployment deployment = load_deployment(arguments.file, arguments.flags);
   const RunningSince since(deployment.live());
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
-  companion.begin(deployment, runtime::cloud_tier().str(), signals);
+  extension.begin(deployment, runtime::cloud_tier().str(), signals);
   const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
   {
     runtime::LiveCloud cloud({deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
-                              journal, shows(deployment) || companion.shows_maps()},
+                              journal, shows(deployment) || extension.shows_maps()},
                              {arguments.flags.out, arguments.flags.force, true});
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
     for (const TierId& edge : deployment.plan.edges) edges.add(edge.str(), wires.at_cloud(edge));
@@ -261,7 +261,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleCompanion& companion) {
       edges.keep();
       publisher.publish();
       service.turn(service_turn_of(cloud.counts()));
-      return companion.look(cloud, status);
+      return extension.look(cloud, status);
     });
     publisher.publish(true);
   }

@@ -13,10 +13,8 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <chrono>
 #include <exception>
 #include <optional>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -112,6 +110,12 @@ void expect_ros_messages(const McapChannels& channels, const SeekableFile& file)
               file.path().string(), "record with ROS, or convert it");
 }
 
+// Or will be: the file ends there.
+bool is_message_at(const SeekableFile& file, std::uint64_t position) {
+  char opcode = 0;
+  return !file.read_at(position, &opcode, 1) || static_cast<Opcode>(opcode) == Opcode::kMessage;
+}
+
 class McapReader final : public BagReader {
  public:
   McapReader(const std::filesystem::path& path, std::uint64_t most_bytes, bool follows)
@@ -184,28 +188,14 @@ class McapReader final : public BagReader {
   void find_topics() {
     selected_.emplace();
     try {
-      while (!(follows_ && file_.look_again() && is_at_message()) && advance()) {
+      while (!(follows_ && file_.look_again() && !channels_.topics().empty() && is_message_at(file_, position_)) &&
+             advance()) {
         if (std::exchange(pending_, nullptr)) break;
       }
     } catch (const Error&) {}
     selected_.reset();
     position_ = 0;
     crc_so_far_ = 0;
-  }
-
-  bool is_at_message() const {
-    char opcode = 0;
-    return !channels_.topics().empty() &&
-           (!file_.read_at(position_, &opcode, 1) || static_cast<Opcode>(opcode) == Opcode::kMessage);
-  }
-
-  // Until the file has so many bytes, or gets no more.
-  void await(std::uint64_t bytes) {
-    constexpr std::chrono::milliseconds kBetweenLooks{5};
-    while (follows_ && file_.bytes() < bytes && file_.look_again() && file_.bytes() < bytes) {
-      throw_if_interrupted();
-      std::this_thread::sleep_for(kBetweenLooks);
-    }
   }
 
   bool advance_by_index() {
@@ -238,7 +228,7 @@ class McapReader final : public BagReader {
   bool advance() {
     if (position_ == 0) pass(window_.bytes_at(0, kMcapMagic.size(), "its first bytes"));
     place_ = position_;
-    await(position_ + kRecordHeadBytes);
+    if (follows_) file_.await(position_ + kRecordHeadBytes);
     if (position_ == file_.bytes()) {
       if (began_)
         log(LogLevel::warning,
@@ -260,7 +250,7 @@ class McapReader final : public BagReader {
       return true;
     }
     throw_if_interrupted();
-    await(position_ + kRecordHeadBytes + std::min(head.bytes, window_.most_bytes()));
+    if (follows_) file_.await(position_ + kRecordHeadBytes + std::min(head.bytes, window_.most_bytes()));
     if (const std::uint64_t left = file_.bytes() - position_ - kRecordHeadBytes; head.bytes > left) {
       take_end(head, left);
       return true;

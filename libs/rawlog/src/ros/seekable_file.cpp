@@ -2,12 +2,15 @@
 
 #include <fcntl.h>
 #include <mapweave/core/error.h>
+#include <mapweave/core/interrupt.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 namespace mapweave::rawlog::ros {
@@ -62,6 +65,14 @@ bool SeekableFile::look_again() {
   struct stat found {};
   if (::fstat(number_, &found) == 0) bytes_ = std::max(bytes_, static_cast<std::uint64_t>(found.st_size));
   return is_written;
+}
+
+void SeekableFile::await(std::uint64_t bytes) {
+  constexpr std::chrono::milliseconds kBetweenLooks{5};
+  while (bytes_ < bytes && look_again() && bytes_ < bytes) {
+    throw_if_interrupted();
+    std::this_thread::sleep_for(kBetweenLooks);
+  }
 }
 
 std::string SeekableFile::place(std::uint64_t offset) const {

@@ -21,6 +21,8 @@ class SeekableFile {
   std::uint64_t bytes() const { return bytes_; }  // as it was opened, or looked at last
   // Looks at it again. False: no RosRecorder writes it any more, and bytes() are all.
   bool look_again();
+  // Looks again until it has so many bytes, or nobody writes it any more. Throws Interrupted.
+  void await(std::uint64_t bytes);
   const std::filesystem::path& path() const { return path_; }
   std::string place(std::uint64_t offset) const;  // "a.mcap at byte 17"
 
