@@ -18,7 +18,8 @@ transport::BrokerOptions broker_in(const std::filesystem::path& store) {
 }  // namespace
 
 LocalTeam::LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan plan, const std::filesystem::path& store,
-                     const runtime::RunSettings& results, Progress& progress)
+                     const runtime::RunSettings& results, Progress& progress,
+                     const std::function<bool(const RobotId&)>& has_log)
     : broker_(broker_in(store)),
       configuration_(std::move(configuration)),
       plan_(std::move(plan)),
@@ -41,7 +42,8 @@ LocalTeam::LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan p
   }
   for (const runtime::PlannedRobot& robot : plan_.robots)
     robots_.emplace_back(robot, configuration_,
-                         [this, id = robot.id](const TierId& edge) { return wires_->from_robot(id, edge)(); });
+                         [this, id = robot.id](const TierId& edge) { return wires_->from_robot(id, edge)(); },
+                         has_log ? std::function<bool()>([has_log, id = robot.id] { return has_log(id); }) : nullptr);
 }
 
 LocalTeam::~LocalTeam() = default;

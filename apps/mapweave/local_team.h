@@ -12,6 +12,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
@@ -22,10 +23,11 @@ namespace mapweave::app {
 // Not thread-safe.
 class LocalTeam {
  public:
-  // store: a folder for the broker and for journals, with which a team that was killed goes on. The plan's sensors need
+  // has_log: as StartingRobot's. store: a folder for the broker and for journals, with which a team that was killed goes on. The plan's sensors need
   // not be chosen. Throws what LiveEdge, LiveCloud and the broker throw.
   LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan plan, const std::filesystem::path& store,
-            const runtime::RunSettings& results, Progress& progress);
+            const runtime::RunSettings& results, Progress& progress,
+            const std::function<bool(const RobotId&)>& has_log = nullptr);
   ~LocalTeam();
 
   const runtime::RunConfiguration& configuration() const { return configuration_; }

@@ -20,17 +20,34 @@ runtime::PlannedRobot with_sensors(runtime::PlannedRobot robot, const runtime::R
 }  // namespace
 
 StartingRobot::StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
-                             runtime::ConnectToEdge to_edge)
+                             runtime::ConnectToEdge to_edge, std::function<bool()> has_log)
     : robot_(std::move(robot)),
       configuration_(configuration),
       to_edge_(std::move(to_edge)),
-      looks_(std::async(std::launch::async, with_sensors, robot_, std::cref(configuration))) {}
+      has_log_(std::move(has_log)) {}
+
+// False: there is nothing to look into yet.
+bool StartingRobot::look_into_log() {
+  if (!looks_.valid()) {
+    if (!has_log_ || has_log_()) {
+      looks_ = std::async(std::launch::async, with_sensors, robot_, std::cref(configuration_));
+    } else if (ends_) {
+      robot_.trouble = Error(ErrorCode::kBadInput, "it has sensed nothing", "robot " + robot_.id.str(),
+                             "check that its sensors publish");
+      robot_.sensors.scans = &runtime::kLaser;
+      return true;
+    }
+    return false;
+  }
+  if (looks_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return false;
+  robot_ = looks_.get();
+  return true;
+}
 
 bool StartingRobot::look() {
   const std::lock_guard lock(mutex_);
   if (started_) return true;
-  if (looks_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return false;
-  robot_ = looks_.get();
+  if (!look_into_log()) return false;
   if (robot_.trouble && robot_.trouble->code() == ErrorCode::kMissing) throw Error(*robot_.trouble);
   started_.emplace(robot_, configuration_, configuration_.live, std::move(to_edge_));
   if (plan_) started_->follow(*plan_);

@@ -3,6 +3,7 @@
 
 #include <mapweave/runtime/live_robot.h>
 
+#include <functional>
 #include <future>
 #include <mutex>
 #include <optional>
@@ -12,22 +13,26 @@ namespace mapweave::app {
 // Thread-safe. A log that is read while it is written (reading.follow) must be finished before this is let go of.
 class StartingRobot {
  public:
-  // Looks into the log on a thread of its own. The configuration must outlive it.
+  // Looks into the log on a thread of its own, once there is one (has_log; null: it is there). The configuration must
+  // outlive it.
   StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
-                runtime::ConnectToEdge to_edge);
+                runtime::ConnectToEdge to_edge, std::function<bool()> has_log = nullptr);
 
   const RobotId& id() const { return robot_.id; }
   // Now and then. True: it has started. Throws Error: kMissing where there is no log, and as LiveRobot does.
   bool look();
-  void end();  // as LiveRobot's
+  void end();  // as LiveRobot's; where there is no log yet, its edge is informed that it has none
   void follow(const runtime::LivePlan& plan);
   runtime::LiveRobotCounts counts() const;  // of one that has not started: that it has sensed nothing
   bool is_done() const;
 
  private:
+  bool look_into_log();
+
   runtime::PlannedRobot robot_;  // its id and edge stay
   const runtime::RunConfiguration& configuration_;
   runtime::ConnectToEdge to_edge_;
+  std::function<bool()> has_log_;
   mutable std::mutex mutex_;
   std::future<runtime::PlannedRobot> looks_;
   std::optional<runtime::LivePlan> plan_;  // the last one before it started

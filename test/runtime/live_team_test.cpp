@@ -149,6 +149,53 @@ TEST_F(LiveTeam, shows_previews_while_robots_drive) {
   expect_as_run();
 }
 
+TEST_F(LiveTeam, does_what_users_ask_for_while_robots_drive) {
+  options.speed = 8.0;
+  options.preview_period_s = 0.1;
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  LiveRequests requests;
+  requests.refused = {{RobotId("alpha"), RobotId("beta")}, {RobotId("beta"), RobotId("gamma")}};
+  const auto is_joined = [&](const auto& counts) {
+    return std::any_of(counts.joint.begin(), counts.joint.end(), [](const std::vector<MapId>& members) {
+      return std::find(members.begin(), members.end(), MapId("beta")) != members.end();
+    });
+  };
+  await([&] { return is_joined(cloud->counts()); });
+  EXPECT_TRUE(cloud->follow(requests));
+  for (const auto& [name, edge] : edges) EXPECT_TRUE(edge->follow(requests));
+  await([&] { return !is_joined(cloud->counts()); });
+  result();
+  EXPECT_FALSE(cloud->follow(requests)) << "too late";
+  const fs::path run = folder / "run";
+  configuration.team.refuse = {"alpha,beta", "beta,gamma"};
+  run_batch(configuration, make_plan(configuration, {}), {run, false, false}, pool, *silent);
+  EXPECT_EQ(merges_of(settings.out), merges_of(run));
+  EXPECT_NE(merges_of(settings.out), merges_of(as_run()));
+}
+
+TEST(LiveRequests, are_read_as_they_were_written) {
+  const RunConfiguration configuration = three_robots_configuration();
+  const RunPlan plan = make_plan(configuration, {});
+  LiveRequests requests;
+  requests.refused = {{RobotId("alpha"), RobotId("beta")}};
+  requests.starts[RobotId("gamma")] = {1.0, -2.0, 0.5, 0.3, 0.2};
+  const LiveRequests back = decode_live_requests(encode(requests), plan, "here");
+  EXPECT_EQ(back.refused, requests.refused);
+  EXPECT_EQ(back.starts.at(RobotId("gamma")).yaw_rad, 0.5);
+  EXPECT_EQ(start_of(configuration, back, RobotId("gamma")).sigma_m, 0.3);
+  EXPECT_EQ(refused_in(plan, back).size(), 1u);
+  for (const char* bad :
+       {"", "[]", "{}", R"({"refused":[],"starts":3})", R"({"refused":[["alpha"]],"starts":{}})",
+        R"({"refused":[["alpha","alpha"]],"starts":{}})", R"({"refused":[["alpha","nobody"]],"starts":{}})",
+        R"({"refused":[[1,2]],"starts":{}})", R"({"refused":[],"starts":{"beta":{"x_m":"1"}}})",
+        R"({"refused":[],"starts":{"beta":{"x_m":1e9,"y_m":0,"yaw_rad":0,"sigma_m":1,"sigma_rad":1}}})",
+        R"({"refused":[],"starts":{"beta":{"x_m":1,"y_m":0,"yaw_rad":0,"sigma_m":1,"sigma_rad":0}}})"})
+    EXPECT_THROW(decode_live_requests(bad, plan, "here"), Error) << bad;
+}
+
 TEST_F(LiveTeam, counts_the_scans_that_a_robot_has_no_room_for) {
   options.speed = 1000.0;
   options.robot_buffer_kb = 8;

@@ -188,7 +188,7 @@ void TeamRun::take_requests() {
     if (robot.part && robot.part->number > 1) continue;
     for (const tiers::RobotOutcome& outcome : outcomes_)
       if (outcome.robot == robot.id && outcome.map)
-        started.push_back({&*outcome.map, robot_entry(configuration_, robot.robot()).start});
+        started.push_back({&*outcome.map, start_of(configuration_, requests_, robot.robot())});
   }
   priors_ = priors_of_starts(started);
   const auto of_parts = priors_of_parts(plan_, outcomes_);
@@ -212,7 +212,7 @@ std::set<std::pair<MapId, MapId>> TeamRun::refused_maps() const {
     return maps;
   };
   std::set<std::pair<MapId, MapId>> refused = starts_.refused;
-  for (const auto& [one, other] : given_.refused)
+  for (const auto& [one, other] : refused_in(given_, requests_))
     for (const MapId& a : maps_of(one))
       for (const MapId& b : maps_of(other)) refused.insert(std::minmax(a, b));
   return refused;

@@ -162,8 +162,14 @@ void FusionRounds::set_priors() {
   std::vector<fusion::MapPrior> priors = priors_of_starts(started);
   const auto of_parts = priors_of_parts(plan_, parts);
   priors.insert(priors.end(), of_parts.begin(), of_parts.end());
-  for (auto& [id, edge] : edges_) edge.set_priors(priors);
+  std::set<std::pair<MapId, MapId>> refused;
+  for (const auto& [a, b] : plan_.refused) refused.insert(std::minmax(MapId(a.str()), MapId(b.str())));
+  for (auto& [id, edge] : edges_) {
+    edge.set_priors(priors);
+    edge.set_refused(refused);
+  }
   cloud_.set_priors(std::move(priors));
+  cloud_.set_refused(std::move(refused));
 }
 
 void FusionRounds::fuse_on_edges(RoundWork& round, WorkerPool& pool) {

@@ -8,6 +8,7 @@
 #include "start_maps.h"
 
 #include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/live_requests.h>
 #include <mapweave/runtime/robot_task.h>
 
 #include <algorithm>
@@ -33,6 +34,7 @@ class TeamRun {
   void take_robots(std::vector<std::optional<RobotResult>> robots);
   // Before that, where a coordinator has given robots to other edges than the configuration.
   void place(const RunPlan& plan) { plan_ = plan; }
+  void set_requests(LiveRequests requests) { requests_ = std::move(requests); }
   MeteredCloud& cloud() { return cloud_; }
   Report conclude(fusion::FusionResult team, const std::vector<std::string>& notes);
 
@@ -69,6 +71,7 @@ class TeamRun {
   Results results_;
   RunPlan plan_;  // with the edges that a coordinator chose
   StartMaps starts_;
+  LiveRequests requests_;
   Report report_;
   std::vector<InputFile> inputs_;
   std::vector<tiers::RobotOutcome> outcomes_;

@@ -60,6 +60,14 @@ bool are_among(const std::vector<MapId>& some, const std::vector<MapId>& all) {
   return std::includes(all.begin(), all.end(), some.begin(), some.end());
 }
 
+bool joins_any_of(const std::set<std::pair<MapId, MapId>>& pairs, const MergedMaps& merged) {
+  const auto has = [&](const MapId& map) {
+    return std::binary_search(merged.members.begin(), merged.members.end(), map);
+  };
+  return std::any_of(pairs.begin(), pairs.end(),
+                     [&](const auto& pair) { return has(pair.first) && has(pair.second); });
+}
+
 std::size_t bytes_in(const std::vector<std::string>& messages) {
   return std::accumulate(messages.begin(), messages.end(), std::size_t{0},
                          [](std::size_t sum, const std::string& message) { return sum + message.size(); });
@@ -90,6 +98,12 @@ RoundMerger::Known& RoundMerger::known(const MapId& map, const TierId& from) {
 void RoundMerger::forget(const MapId& map) {
   if (known_.erase(map) == 0) return;
   is_anew_ = has_news_ = true;
+}
+
+void RoundMerger::set_refused(std::set<std::pair<MapId, MapId>> refused) {
+  if (refused == refused_) return;
+  refused_ = std::move(refused);
+  look_again();
 }
 
 void RoundMerger::put(const Map& part) {
@@ -124,6 +138,11 @@ void RoundMerger::receive(const RoundNews& news, const TierId& from) {
     below_[from].push_back(std::move(merged));
     has_news_ = true;
   }
+}
+
+const Map* RoundMerger::map(const MapId& id) const {
+  const auto found = known_.find(id);
+  return found == known_.end() ? nullptr : &found->second.map();
 }
 
 std::vector<MapId> RoundMerger::maps() const {
@@ -164,9 +183,12 @@ fusion::FusionInput RoundMerger::input() {
   }
   is_anew_ = is_anew_ || submaps >= kSearchAgain * searched_submaps_;
   std::vector<MergedMaps> seeds = is_anew_ ? std::vector<MergedMaps>() : merged_;
-  for (const auto& entry : below_) seeds.insert(seeds.end(), entry.second.begin(), entry.second.end());
+  for (const auto& entry : below_)
+    std::copy_if(entry.second.begin(), entry.second.end(), std::back_inserter(seeds),
+                 [&](const MergedMaps& merged) { return !joins_any_of(refused_, merged); });
   input.merged = united(seeds);
   input.refused = apart_below(input.merged);
+  input.refused.insert(refused_.begin(), refused_.end());
   if (is_anew_) searched_submaps_ = submaps;
   return input;
 }

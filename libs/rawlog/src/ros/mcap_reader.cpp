@@ -221,7 +221,6 @@ class McapReader final : public BagReader {
       return topic && is_selected(*topic);
     });
   }
-
   bool is_selected(std::size_t topic) const { return !selected_ || (topic < selected_->size() && (*selected_)[topic]); }
 
   // The next record of the file; false at its end.

@@ -236,6 +236,14 @@ void LiveCloud::serve(std::shared_ptr<transport::Channel> edge) {
   link.wire->use(std::move(edge));
 }
 
+bool LiveCloud::follow(const LiveRequests& requests) {
+  const std::lock_guard lock(state_->mutex);
+  if (state_->counts.is_sealing) return false;
+  state_->asked_for = requests;
+  state_->has_new_requests = true;
+  return true;
+}
+
 void LiveCloud::follow(const LivePlan& plan) {
   State& state = *state_;
   const std::lock_guard lock(state.mutex);

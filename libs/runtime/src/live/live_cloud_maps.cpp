@@ -163,7 +163,23 @@ void LiveCloud::State::take_robot(const TierId& id, const Edge& edge, const Said
   maps[owner->id].insert_or_assign(map.id, updated(std::move(map), update));
 }
 
+// For previews; the final map takes them as a whole.
+void LiveCloud::State::take_requests() {
+  const std::lock_guard lock(mutex);
+  std::vector<StartedMap> started;
+  for (const PlannedRobot& robot : plan.robots)
+    if (const Map* map = rounds.map(MapId(robot.id.str())))
+      started.push_back({map, start_of(site.configuration, asked_for, robot.id)});
+  rounds.set_priors(priors_of_starts(started));
+  if (!std::exchange(has_new_requests, false)) return;
+  rounds.look_again();
+  std::set<std::pair<MapId, MapId>> refused;
+  for (const auto& [a, b] : refused_in(plan, asked_for)) refused.insert(std::minmax(MapId(a.str()), MapId(b.str())));
+  rounds.set_refused(std::move(refused));
+}
+
 void LiveCloud::State::preview() {
+  take_requests();
   if (!rounds.has_news()) return;
   const std::unique_ptr<Progress> silent = make_silent_progress();
   std::vector<std::vector<MapId>> joint;
@@ -278,7 +294,7 @@ void LiveCloud::State::begin_sealing() {
   std::set<TierId> fused;
   {
     const std::lock_guard lock(mutex);
-    counts.is_sealing = true;
+    counts.is_sealing = true;  // from here on no request is taken
     for (const auto& [id, edge] : edges)
       if (edge.has_fused && (!is_coordinated || has_its_finals(id, edge))) fused.insert(id);
     if (is_coordinated)
@@ -289,6 +305,7 @@ void LiveCloud::State::begin_sealing() {
   for (const auto& entry : edges)
     if (fused.count(entry.first) == 0 && is_coordinated) gone.insert(entry.first);
   team.place(plan);
+  team.set_requests(asked_for);
   site.progress.say("the cloud: all maps are here; it merges them");
   give_finals();
   team.take_robots(robots());

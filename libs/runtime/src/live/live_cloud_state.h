@@ -58,6 +58,8 @@ struct LiveCloud::State {
   std::shared_ptr<const LivePreview> shown;  // where the site keeps previews
   std::set<Hash> known;                      // what came already, whatever its number
   LivePlan newest_plan;                      // number 0: none came
+  LiveRequests asked_for;
+  bool has_new_requests = true;              // that no preview knows of
   RunPlan plan;                              // with the edges that it named
   bool has_new_plan = false, seals_now = false, ends = false;
   std::optional<Report> report;
@@ -109,6 +111,7 @@ struct LiveCloud::State {
   bool take_final(const TierId& id, Edge& edge, Said& said);
   void begin_finals(const TierId& id, Edge& edge, const std::string& names);
   void preview();
+  void take_requests();
   bool advance();
   void begin_sealing();
   void seal();

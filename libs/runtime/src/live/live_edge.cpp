@@ -280,6 +280,14 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
   link.wire->use(std::move(robot));
 }
 
+bool LiveEdge::follow(const LiveRequests& requests) {
+  const std::lock_guard lock(state_->mutex);
+  if (state_->counts.is_fused) return false;
+  state_->asked_for = requests;
+  state_->has_new_requests = true;
+  return true;
+}
+
 void LiveEdge::follow(const LivePlan& plan) { state_->take(plan); }
 
 std::vector<std::string> LiveEdge::map_reports() const {

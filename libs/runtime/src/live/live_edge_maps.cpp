@@ -180,10 +180,19 @@ void LiveEdge::State::merge() {
 
 std::vector<fusion::MapPrior> LiveEdge::State::priors(const std::vector<const Map*>& maps) const {
   std::vector<StartedMap> started;
+  const std::lock_guard lock(mutex);
   for (const Map* map : maps)
     for (const auto& [name, robot] : robots)
-      if (map->id == MapId(name.str())) started.push_back({map, robot_entry(site.configuration, name).start});
+      if (map->id == MapId(name.str())) started.push_back({map, start_of(site.configuration, asked_for, name)});
   return priors_of_starts(started);
+}
+
+std::set<std::pair<MapId, MapId>> LiveEdge::State::refused() const {
+  std::set<std::pair<MapId, MapId>> maps;
+  const std::lock_guard lock(mutex);
+  for (const auto& [a, b] : refused_in(site.plan, asked_for))
+    maps.insert(std::minmax(MapId(a.str()), MapId(b.str())));
+  return maps;
 }
 
 // Of robots whose instance has time to say.
@@ -235,7 +244,7 @@ void LiveEdge::State::preview() {
   std::vector<RobotId> gone;
   {
     const std::lock_guard lock(mutex);
-    is_anew = std::exchange(begins_rounds, false);
+    is_anew = std::exchange(begins_rounds, false) || std::exchange(has_new_requests, false);
     for (const auto& entry : parts)
       if (!robots.at(entry.first).is_member) gone.push_back(entry.first);
   }
@@ -256,6 +265,7 @@ void LiveEdge::State::preview() {
   }
   if (!rounds->has_news()) return;
   rounds->set_priors(priors(maps));
+  rounds->set_refused(refused());
   const std::unique_ptr<Progress> silent = make_silent_progress();
   std::vector<std::vector<MapId>> joint;
   const fusion::FusionResult& result = rounds->fuse(site.pool, *silent);
@@ -288,16 +298,14 @@ void LiveEdge::State::say(const std::string& subject, std::string bytes) {
 // What the cloud gets of them, in order.
 std::vector<std::pair<std::string, std::string>> LiveEdge::State::fused(const std::vector<RobotId>& members) {
   std::vector<const Map*> maps;
-  std::set<std::pair<MapId, MapId>> refused;
   std::string names;
   for (const RobotId& name : members) {
     names += name.str() + "\n";
     if (const auto& outcome = robots.at(name).outcome; outcome->map) maps.push_back(&*outcome->map);
   }
-  for (const auto& [a, b] : site.plan.refused) refused.insert(std::minmax(MapId(a.str()), MapId(b.str())));
   server.emplace(edge, members, site.configuration.fusion, site.configuration.cloud.maps);
   server->set_priors(priors(maps));
-  server->set_refused(std::move(refused));
+  server->set_refused(refused());
   std::vector<std::pair<std::string, std::string>> made;
   if (is_coordinated) made.emplace_back(subject::kFinalBegin, names);
   for (const RobotId& name : members) {

@@ -63,6 +63,8 @@ struct LiveEdge::State {
   std::list<Link> links;
   const bool is_coordinated;
   LivePlan plan;  // the newest; number 0: none came
+  LiveRequests asked_for;
+  bool has_new_requests = false;  // that no preview knows of
   std::optional<NumberedWire> cloud;
   LiveEdgeCounts counts;
   std::shared_ptr<const LivePreview> shown;                 // where the site keeps previews
@@ -116,6 +118,7 @@ struct LiveEdge::State {
   void answer(const Said& request);
   void say(const std::string& subject, std::string bytes);
   std::vector<fusion::MapPrior> priors(const std::vector<const Map*>& maps) const;
+  std::set<std::pair<MapId, MapId>> refused() const;
 };
 
 }  // namespace mapweave::runtime

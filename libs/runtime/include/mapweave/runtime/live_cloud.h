@@ -41,6 +41,8 @@ class LiveCloud {
   void serve(std::shared_ptr<transport::Channel> edge);
   // With a coordinator it waits for a final plan, and for the edges that have robots by it.
   void follow(const LivePlan& plan);
+  // As LiveEdge's.
+  bool follow(const LiveRequests& requests);
   // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
   void seal_now();
   // The report, once the folder is there and the edges were told; nullopt: it is not yet. Throws what went wrong for

@@ -5,6 +5,7 @@
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/runtime/live_preview.h>
+#include <mapweave/runtime/live_requests.h>
 #include <mapweave/runtime/live_robot.h>
 
 #include <filesystem>
@@ -64,6 +65,8 @@ class LiveEdge {
   // Its robots are those that the plan gives it. What it has of others it keeps: they may come back, and go on there.
   // With a coordinator it merges for good by a final plan alone, and anew where a later one gives it more robots.
   void follow(const LivePlan& plan);
+  // What users ask for, all of it each time. False: too late, its final maps were merged without.
+  bool follow(const LiveRequests& requests);
   // What the maps of its robots show so far, for the coordinator: encoded MapReports.
   std::vector<std::string> map_reports() const;
   LiveEdgeCounts counts() const;

@@ -12,6 +12,7 @@
 #include <string>
 #include <string_view>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 namespace mapweave::tiers {
@@ -29,6 +30,10 @@ class RoundMerger {
   RoundMerger(TierId tier, fusion::FusionOptions options);
 
   void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
+  // The next preview looks for all again.
+  void look_again() { is_anew_ = has_news_ = true; }
+  // Pairs of maps that are never matched to each other; the lower id first. Where they change, all is looked for again.
+  void set_refused(std::set<std::pair<MapId, MapId>> refused);
   // The map so far (growing_part) of a robot that is mapped here.
   void put(const Map& part);
   // An encoded MapUpdate of a growing map; one of another sender than before takes the place of what was known. Throws
@@ -38,6 +43,7 @@ class RoundMerger {
   void receive(const RoundNews& news, const TierId& from);
   void forget(const MapId&);  // it is elsewhere now
 
+  const Map* map(const MapId&) const;  // as it is so far; null where none is known. Until the next call that is not const
   bool has_news() const { return has_news_; }  // since the last fuse()
   // A preview of the maps that are large enough. What was merged the last time is taken as it was, unless what is new
   // contradicts it; all is looked for again once there are twice as many submaps. Pure in what was received so far,
@@ -63,6 +69,7 @@ class RoundMerger {
   TierId tier_;
   fusion::FusionOptions options_;
   std::vector<fusion::MapPrior> priors_;
+  std::set<std::pair<MapId, MapId>> refused_;
   std::map<MapId, Known> known_;
   std::map<TierId, std::vector<MergedMaps>> below_;  // what edges found
   std::vector<MergedMaps> merged_;                   // of the last result
