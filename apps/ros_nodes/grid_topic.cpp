@@ -4,13 +4,13 @@
 namespace mapweave::ros_nodes {
 namespace {
 
-constexpr std::uint32_t kUpdatesOnTheirWay = 100;  // none may be lost: each rests on the one before
+constexpr std::uint32_t kMostWaitingUpdates = 100;  // none may be lost: each rests on the one before
 
 }  // namespace
 
 GridTopic::GridTopic(ros::NodeHandle node, const std::string& topic)
     : updates_(node.advertise<map_msgs::OccupancyGridUpdate>(
-          topic + "_updates", kUpdatesOnTheirWay,
+          topic + "_updates", kMostWaitingUpdates,
           [this](const ros::SingleSubscriberPublisher& one) { takers_.add(one.getSubscriberName()); },
           [this](const ros::SingleSubscriberPublisher& one) { takers_.remove(one.getSubscriberName()); })),
       grid_(node, topic, [this](const auto& before, const auto& now) { return send_update(before, now); }) {}

@@ -7,6 +7,7 @@
 #include <mapweave/maps/map.h>
 
 #include <diagnostic_msgs/DiagnosticArray.h>
+#include <geometry_msgs/Transform.h>
 #include <map_msgs/OccupancyGridUpdate.h>
 #include <nav_msgs/OccupancyGrid.h>
 #include <nav_msgs/Path.h>

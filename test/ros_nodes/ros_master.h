@@ -16,6 +16,8 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 namespace mapweave::test {
 
@@ -43,7 +45,7 @@ inline bool eventually(const std::function<bool()>& condition, double patience_s
 // A program of Debian's Python, which ends with the test.
 class PythonProcess {
  public:
-  explicit PythonProcess(const std::vector<std::string>& arguments, const std::filesystem::path& log) {
+  PythonProcess(const std::vector<std::string>& arguments, const std::filesystem::path& log) {
     std::vector<std::string> words = {"/usr/bin/python3"};
     words.insert(words.end(), arguments.begin(), arguments.end());
     std::vector<char*> pointers;
