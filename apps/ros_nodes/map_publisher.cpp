@@ -143,6 +143,10 @@ class MapPublisher::State {
         graph_(node, prefix_ + "/graph"),
         sender_(node, options_.transforms_hz) {
     for (const PublishedRobot& robot : options_.robots)
+      if (names_.of(robot.robot.str()) == prefix_)
+        throw Error(ErrorCode::kBadInput, "a robot and its tier are both called '" + prefix_ + "' in topics of ROS",
+                    options_.tier, "give one of them another name");
+    for (const PublishedRobot& robot : options_.robots)
       robots_.push_back(std::make_unique<RobotPublisher>(node, names_.of(robot.robot.str()), robot));
     if (!robots_.empty()) listener_.emplace(transforms_, node);
   }

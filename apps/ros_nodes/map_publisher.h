@@ -54,7 +54,7 @@ struct MapPublisherOptions {
 // Needs the node's callback queue to be served by other threads than the one that publishes.
 class MapPublisher {
  public:
-  // pool must outlive it.
+  // pool must outlive it. Throws Error(kBadInput) where a robot has the name of the tier.
   MapPublisher(ros::NodeHandle node, RosNames names, MapPublisherOptions options, WorkerPool& pool);
   ~MapPublisher();
 

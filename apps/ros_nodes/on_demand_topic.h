@@ -48,8 +48,9 @@ class SubscriberNames {
 };
 
 // Behaves as a latched topic, but for what it costs while nobody subscribes. The node's callback queue must be served:
-// from there a new subscriber gets what is newest. Messages are stamped when they are sent, so that a viewer that came
-// late finds their transforms.
+// from there a new subscriber gets what is newest, where it comes in time for a new message twice. Roscpp says nothing
+// of a second subscriber in one process, which gets the next message. Messages are stamped when they are sent, so that
+// a viewer that came late finds their transforms.
 template <class Message>
 class OnDemandTopic {
  public:

@@ -5,6 +5,7 @@
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/exporters/session_trajectories.h>
 #include <mapweave/runtime/live_status.h>
+#include <ros/names.h>
 #include <ros_messages.h>
 #include <ros_names.h>
 #include <nlohmann/json.hpp>
