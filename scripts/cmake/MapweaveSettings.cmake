@@ -9,7 +9,7 @@ set(CMAKE_ARCHIVE_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib)
 set(MAPWEAVE_SANITIZER "" CACHE STRING "address or thread; empty for none")
 set(MAPWEAVE_DATA "${PROJECT_SOURCE_DIR}/../shared/data" CACHE PATH
   "Public logs for tests and benches; tests that need them skip, saying so, where they are absent")
-option(MAPWEAVE_ROS "Build the targets that need ROS, where their packages are found (no target does today)" ON)
+set(MAPWEAVE_ROS AUTO CACHE STRING "Build the nodes of ROS 1 (apps/ros_nodes): ON, OFF, or AUTO (where roscpp is found)")
 
 find_program(MAPWEAVE_CCACHE ccache)
 if(MAPWEAVE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)

@@ -1,6 +1,6 @@
 #include "framed_map.h"
 
-#include "robot_colours.h"
+#include <mapweave/exporters/robot_colours.h>
 
 #include <algorithm>
 #include <cmath>
@@ -24,7 +24,7 @@ std::vector<RobotTrajectory> trajectories_of(const std::vector<SessionTrajectory
   std::vector<RobotTrajectory> robot_trajectories;
   for (const auto* trajectory : sorted) {
     if (robot_trajectories.empty() || robot_trajectories.back().robot != trajectory->session.client.robot) {
-      const Colour colour = robot_colour(robot_trajectories.size());
+      const RobotColour colour = robot_colour(robot_trajectories.size());
       robot_trajectories.push_back(
           {trajectory->session.client.robot, cv::Scalar(colour.blue, colour.green, colour.red), {}, 0.0});
     }

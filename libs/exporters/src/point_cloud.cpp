@@ -1,8 +1,7 @@
 #include <mapweave/exporters/point_cloud.h>
 
-#include "robot_colours.h"
-
 #include <mapweave/core/error.h>
+#include <mapweave/exporters/robot_colours.h>
 
 #include <algorithm>
 #include <array>
@@ -94,7 +93,7 @@ std::vector<ColouredPoint> map_cloud(const Map& map, const PointCloudOptions& op
 
   std::vector<ColouredPoint> points;
   for (const auto& [voxel, gathered] : thinning.sorted()) {
-    const Colour colour = robot_colour(gathered.robot);
+    const RobotColour colour = robot_colour(gathered.robot);
     points.push_back({(gathered.sum / gathered.count).cast<float>(),
                       static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue)});
   }

@@ -3,6 +3,7 @@
 #include "ros_message.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/exporters/map_server.h>
 #include <mapweave/exporters/session_trajectories.h>
 
 #include <algorithm>
@@ -18,19 +19,6 @@ constexpr std::int64_t kNanoseconds = 1'000'000'000;
 constexpr std::uint8_t kFloat32 = 7;  // sensor_msgs/PointField
 constexpr std::uint32_t kPointBytes = 16;
 
-// Poses of each robot of a map, by stamp.
-std::map<RobotId, std::vector<StampedPose>> robot_trajectories(const Map& map) {
-  std::map<RobotId, std::vector<StampedPose>> robots;
-  for (const SessionTrajectory& trajectory : session_trajectories(map)) {
-    auto& poses = robots[trajectory.session.client.robot];
-    poses.insert(poses.end(), trajectory.poses.begin(), trajectory.poses.end());
-  }
-  for (auto& [robot, poses] : robots)
-    std::stable_sort(poses.begin(), poses.end(),
-                     [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
-  return robots;
-}
-
 class RecordingMaker {
  public:
   explicit RecordingMaker(RosGeneration generation) : generation_(generation) {}
@@ -41,7 +29,8 @@ class RecordingMaker {
     first_ = first_stamp(maps, trajectories);
     add_topics();
     for (std::size_t i = 0; i < maps.size(); ++i) {
-      const std::string prefix = maps.size() == 1 ? "" : "maps/" + unique_name(maps[i].map->id.str(), map_names_) + "/";
+      const std::string prefix =
+          maps.size() == 1 ? "" : "maps/" + unique_ros_name(maps[i].map->id.str(), map_names_) + "/";
       add_map(maps[i], prefix);
       for (const auto& [robot, poses] : trajectories[i]) add_robot(robot, poses, prefix + "map");
     }
@@ -84,18 +73,6 @@ class RecordingMaker {
     return recording_.topics.size() - 1;
   }
 
-  // As ROS allows it: letters, digits and '_', no digit first; no two the same.
-  static std::string unique_name(const std::string& text, std::set<std::string>& taken) {
-    std::string name;
-    for (const char letter : text)
-      name += std::isalnum(static_cast<unsigned char>(letter)) != 0 && static_cast<unsigned char>(letter) < 128 ? letter
-                                                                                                                : '_';
-    if (name.empty() || std::isdigit(static_cast<unsigned char>(name.front())) != 0) name.insert(0, "r");
-    std::string unique = name;
-    for (int number = 2; !taken.insert(unique).second; ++number) unique = name + "_" + std::to_string(number);
-    return unique;
-  }
-
   void add(std::size_t topic, Stamp stamp, std::string bytes) {
     // ROS 1 takes a message at time 0 for one without time.
     recording_.messages.push_back({topic, std::max<std::int64_t>(expected(stamp).ns, 1), std::move(bytes)});
@@ -127,8 +104,7 @@ class RecordingMaker {
     message.put_pose({{grid.origin_x_m, grid.origin_y_m, 0.0}, Eigen::Quaterniond::Identity()});
     std::string cells;
     cells.reserve(grid.log_odds.size());
-    for (const std::int16_t log_odds : grid.log_odds)
-      cells += static_cast<char>(log_odds > 0 ? 100 : log_odds < 0 ? 0 : -1);
+    for (const std::int16_t log_odds : grid.log_odds) cells += static_cast<char>(served_occupancy(log_odds));
     return message.put_bytes(cells).take();
   }
 
@@ -153,7 +129,7 @@ class RecordingMaker {
   }
 
   void add_robot(const RobotId& robot, const std::vector<StampedPose>& poses, const std::string& frame) {
-    const std::string name = unique_name(robot.str(), robot_names_), own_map = name + "/map",
+    const std::string name = unique_ros_name(robot.str(), robot_names_), own_map = name + "/map",
                       base = name + "/base_link";
     RosMessageWriter path(generation_);
     path.put_header(first_, frame).put_count(poses.size());
@@ -183,6 +159,22 @@ class RecordingMaker {
 };
 
 }  // namespace
+
+std::string ros_name(std::string_view text) {
+  std::string name;
+  for (const char letter : text)
+    name += std::isalnum(static_cast<unsigned char>(letter)) != 0 && static_cast<unsigned char>(letter) < 128 ? letter
+                                                                                                              : '_';
+  if (name.empty() || std::isalpha(static_cast<unsigned char>(name.front())) == 0) name.insert(0, "r");
+  return name;
+}
+
+std::string unique_ros_name(std::string_view text, std::set<std::string>& taken) {
+  const std::string name = ros_name(text);
+  std::string unique = name;
+  for (int number = 2; !taken.insert(unique).second; ++number) unique = name + "_" + std::to_string(number);
+  return unique;
+}
 
 std::string ros1_bag_bytes(const std::vector<RecordedMap>& maps) {
   return ros1_bag_of(RecordingMaker(RosGeneration::ros1).recording_of(maps));

@@ -31,4 +31,16 @@ std::vector<SessionTrajectory> session_trajectories(const Map& map) {
   return trajectories;
 }
 
+std::map<RobotId, std::vector<StampedPose>> robot_trajectories(const Map& map) {
+  std::map<RobotId, std::vector<StampedPose>> robots;
+  for (const SessionTrajectory& trajectory : session_trajectories(map)) {
+    auto& poses = robots[trajectory.session.client.robot];
+    poses.insert(poses.end(), trajectory.poses.begin(), trajectory.poses.end());
+  }
+  for (auto& [robot, poses] : robots)
+    std::stable_sort(poses.begin(), poses.end(),
+                     [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
+  return robots;
+}
+
 }  // namespace mapweave::exporters

@@ -2,9 +2,9 @@
 
 #include "drawing.h"
 #include "number_text.h"
-#include "robot_colours.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/exporters/robot_colours.h>
 
 #include <algorithm>
 #include <array>
@@ -30,7 +30,7 @@ cv::Scalar error_colour(double share) {
 }
 
 cv::Scalar track_colour(std::size_t place) {
-  const Colour colour = robot_colour(place);
+  const RobotColour colour = robot_colour(place);
   return {static_cast<double>(colour.blue), static_cast<double>(colour.green), static_cast<double>(colour.red)};
 }
 

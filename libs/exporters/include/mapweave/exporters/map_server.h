@@ -34,6 +34,11 @@ std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file
 // map_id, map_version and content_hash, as far as the description has them: what this program wrote. Throws as above.
 std::map<std::string, std::string> identity_of_map_server(const std::filesystem::path& yaml_file);
 
+// A cell as nav_msgs/OccupancyGrid has it: 100 wall, 0 free, -1 unknown.
+constexpr std::int8_t served_occupancy(std::int16_t log_odds) {
+  return static_cast<std::int8_t>(log_odds > 0 ? 100 : log_odds < 0 ? 0 : -1);
+}
+
 constexpr std::int16_t kServedLogOdds = 300;  // a probability of 0.95
 
 }  // namespace mapweave::exporters

@@ -4,7 +4,9 @@
 #include <mapweave/exporters/point_cloud.h>
 #include <mapweave/maps/map.h>
 
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace mapweave::exporters {
@@ -31,5 +33,11 @@ std::string ros1_bag_bytes(const std::vector<RecordedMap>&);
 // An MCAP file of profile ros2: CDR, chunks compressed by zstd. Throws Error kBadInput for stamps before 1970 or after
 // 2038.
 std::string ros2_mcap_bytes(const std::vector<RecordedMap>&);
+
+// A name as ROS allows it in topics and frames: letters, digits and '_', a letter first. Other letters become '_', and
+// 'r' goes before what is no letter.
+std::string ros_name(std::string_view text);
+// ros_name(), with a number behind it where that is taken already; it is taken then.
+std::string unique_ros_name(std::string_view text, std::set<std::string>& taken);
 
 }  // namespace mapweave::exporters
