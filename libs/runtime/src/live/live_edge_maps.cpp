@@ -240,11 +240,12 @@ void LiveEdge::State::report_maps() {
 }
 
 void LiveEdge::State::preview() {
-  bool is_anew = false;
+  bool is_anew = false, looks_again = false;
   std::vector<RobotId> gone;
   {
     const std::lock_guard lock(mutex);
-    is_anew = std::exchange(begins_rounds, false) || std::exchange(has_new_requests, false);
+    is_anew = std::exchange(begins_rounds, false);
+    looks_again = std::exchange(has_new_requests, false);
     for (const auto& entry : parts)
       if (!robots.at(entry.first).is_member) gone.push_back(entry.first);
   }
@@ -252,6 +253,7 @@ void LiveEdge::State::preview() {
     rounds.emplace(edge, site.configuration.fusion);
     is_anew = true;
   }
+  if (looks_again) rounds->look_again();
   for (const RobotId& robot : gone) {
     parts.erase(robot);
     rounds->forget(MapId(robot.str()));
