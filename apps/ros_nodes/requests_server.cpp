@@ -1,0 +1,160 @@
+#include "requests_server.h"
+
+#include "initial_pose.h"
+#include "ros_messages.h"
+#include "ros_names.h"
+
+#include <mapweave/core/files.h>
+#include <mapweave/core/log.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace mapweave::ros_nodes {
+namespace {
+
+constexpr char kRequests[] = "cloud/requests";
+
+// Standard deviations of a pose, where it has them.
+void take_covariance(const geometry_msgs::PoseWithCovarianceStamped& pose, GivenPose& given) {
+  constexpr std::size_t kXX = 0, kYY = 7, kYawYaw = 35;
+  constexpr double kMost_m = 100.0, kMost_rad = 3.0;
+  const double position = std::sqrt(std::max(pose.pose.covariance[kXX], pose.pose.covariance[kYY])),
+               yaw = std::sqrt(pose.pose.covariance[kYawYaw]);
+  if (position > 0.0) given.sigma_m = std::min(position, kMost_m);
+  if (yaw > 0.0) given.sigma_rad = std::min(yaw, kMost_rad);
+}
+
+}  // namespace
+
+void EndService::register_at(RosNode& node) {
+  server_.shutdown();
+  server_ = node.handle().advertiseService(name_, &EndService::end, this);
+}
+
+bool EndService::end(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  is_asked_ = true;
+  response.success = 1;
+  response.message = what_ends_;
+  return true;
+}
+
+RequestsServer::RequestsServer(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
+                               std::filesystem::path file, Preview preview, Follow follow)
+    : configuration_(configuration),
+      plan_(plan),
+      file_(std::move(file)),
+      preview_(std::move(preview)),
+      follow_(std::move(follow)) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(file_, ignored)) return;
+  requests_ = runtime::decode_live_requests(read_file(file_), plan_, file_.string());
+  follow_(requests_);
+}
+
+void RequestsServer::register_at(RosNode& node) {
+  const std::lock_guard lock(mutex_);
+  undo_.shutdown();
+  poses_.clear();
+  publisher_.shutdown();
+  undo_ = node.handle().advertiseService("cloud/undo_join", &RequestsServer::undo_join, this);
+  for (const runtime::PlannedRobot& robot : plan_.robots) {
+    const std::string space = robot.id.str();
+    const auto take = [this, id = robot.id](const geometry_msgs::PoseWithCovarianceStamped::ConstPtr& pose) {
+      take_pose(id, *pose);
+    };
+    poses_.push_back(node.handle().subscribe<geometry_msgs::PoseWithCovarianceStamped>(
+        RosNames({space}).of(space) + "/initialpose", 10, take));
+  }
+  poses_.push_back(node.handle().subscribe<geometry_msgs::PoseWithCovarianceStamped>(
+      "initialpose", 10,
+      [this](const geometry_msgs::PoseWithCovarianceStamped::ConstPtr& pose) { take_pose_of_apart(*pose); }));
+  publisher_ = node.handle().advertise<std_msgs::String>(kRequests, 1, true);
+  std_msgs::String message;
+  message.data = encode(requests_);
+  publisher_.publish(message);
+}
+
+// Under mutex_. Throws where it is too late.
+void RequestsServer::apply(runtime::LiveRequests requests) {
+  if (!follow_(requests))
+    throw Error(ErrorCode::kBadInput, "the final map is being made already", {},
+                "merge again without it: mapweave merge DIR --refuse A,B, or --anchor");
+  requests_ = std::move(requests);
+  write_file(file_, encode(requests_) + "\n");
+  std_msgs::String message;
+  message.data = encode(requests_);
+  publisher_.publish(message);
+}
+
+bool RequestsServer::undo_join(mapweave_msgs::UndoJoin::Request& request, mapweave_msgs::UndoJoin::Response& response) {
+  const std::lock_guard lock(mutex_);
+  try {
+    for (const std::string& name : {request.a, request.b})
+      if (std::none_of(plan_.robots.begin(), plan_.robots.end(),
+                       [&](const runtime::PlannedRobot& robot) { return robot.id.str() == name; }))
+        throw Error(ErrorCode::kBadInput, "there is no robot '" + name + "'", {}, "name two robots of the team");
+    if (request.a == request.b) throw Error(ErrorCode::kBadInput, "they are one robot", {}, "name two robots");
+    runtime::LiveRequests requests = requests_;
+    requests.refused.insert(std::minmax(RobotId(request.a), RobotId(request.b)));
+    apply(std::move(requests));
+    response.success = 1;
+    response.message = "the maps of " + request.a + " and " + request.b + " are not matched to each other any more";
+  } catch (const Error& error) {
+    response.success = 0;
+    response.message = error.what();
+  }
+  log(LogLevel::info, "undo_join: " + response.message);
+  return true;
+}
+
+void RequestsServer::take_pose(const RobotId& robot, const geometry_msgs::PoseWithCovarianceStamped& pose) {
+  const std::lock_guard lock(mutex_);
+  try {
+    const auto where = pose_of(pose.pose.pose);
+    if (!where) throw Error(ErrorCode::kBadInput, "is no pose", {}, "give finite numbers and a rotation");
+    const std::string frame = pose.header.frame_id;
+    if (!frame.empty() && frame != "team" && frame != "/team")
+      throw Error(ErrorCode::kBadInput, "is in frame '" + frame + "'", {}, "give it in frame 'team'");
+    GivenPose given{robot, planar(*where)};
+    take_covariance(pose, given);
+    const auto preview = preview_();
+    runtime::LiveRequests requests = requests_;
+    add_pose(given, preview != nullptr ? *preview : runtime::LivePreview(), configuration_, requests);
+    apply(std::move(requests));
+    log(LogLevel::info, "robot " + robot.str() + ": its pose in the team's map was given, and counts from now on");
+  } catch (const Error& error) {
+    log(LogLevel::warning, "the pose given of robot " + robot.str() + " is left out: " + error.what());
+  }
+}
+
+void RequestsServer::take_pose_of_apart(const geometry_msgs::PoseWithCovarianceStamped& pose) {
+  const auto preview = preview_();
+  std::vector<RobotId> apart;
+  if (preview != nullptr)
+    for (std::size_t i = 1; i < preview->parts.size(); ++i) {
+      const std::vector<RobotId> robots = preview->parts[i].map.robots();
+      apart.insert(apart.end(), robots.begin(), robots.end());
+    }
+  if (apart.size() == 1) return take_pose(apart.front(), pose);
+  log(LogLevel::warning, "a pose on initialpose is left out, since " + std::to_string(apart.size()) +
+                             " robots are apart from the largest map; publish it on ROBOT/initialpose");
+}
+
+void RequestsReader::register_at(RosNode& node) {
+  subscriber_.shutdown();
+  subscriber_ = node.handle().subscribe<std_msgs::String>(
+      kRequests, 10, [this](const std_msgs::String::ConstPtr& message) { take(*message); });
+}
+
+void RequestsReader::take(const std_msgs::String& message) {
+  try {
+    if (!follow_(runtime::decode_live_requests(message.data, plan_, kRequests)))
+      log(LogLevel::warning, "a request came too late: this edge has merged its maps");
+  } catch (const Error& error) {
+    log(LogLevel::warning, std::string("a request is left out: ") + error.what());
+  }
+}
+
+}  // namespace mapweave::ros_nodes

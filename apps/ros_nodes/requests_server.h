@@ -1,0 +1,80 @@
+#pragma once
+// Services and topics by which users ask for something while a team maps.
+
+#include "ros_node.h"
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <mapweave/runtime/live_preview.h>
+#include <mapweave/runtime/live_requests.h>
+#include <mapweave_msgs/UndoJoin.h>
+#include <std_msgs/String.h>
+#include <std_srvs/Trigger.h>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace mapweave::ros_nodes {
+
+// A service std_srvs/Trigger that is asked for an end. The caller looks, now and then.
+class EndService {
+ public:
+  EndService(std::string name, std::string what_ends) : name_(std::move(name)), what_ends_(std::move(what_ends)) {}
+  void register_at(RosNode& node);
+  bool is_asked() const { return is_asked_; }
+
+ private:
+  bool end(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  std::string name_, what_ends_;
+  std::atomic<bool> is_asked_{false};
+  ros::ServiceServer server_;
+};
+
+// undo_join (mapweave_msgs/UndoJoin) below the tier's name: two robots' maps are never matched to each other from then
+// on. ROBOT/initialpose (geometry_msgs/PoseWithCovarianceStamped, in the team frame): where the robot is now; initialpose,
+// which RViz publishes: of the one robot whose map is not in the largest one. Kept in a file, so that a program that is started again knows them, and published as they are (CLOUD/requests, latched JSON),
+// for edges that are other programs.
+class RequestsServer {
+ public:
+  using Preview = std::function<std::shared_ptr<const runtime::LivePreview>()>;
+  // False: it is too late.
+  using Follow = std::function<bool(const runtime::LiveRequests&)>;
+  RequestsServer(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
+                 std::filesystem::path file, Preview preview, Follow follow);
+  void register_at(RosNode& node);
+
+ private:
+  bool undo_join(mapweave_msgs::UndoJoin::Request& request, mapweave_msgs::UndoJoin::Response& response);
+  void take_pose(const RobotId& robot, const geometry_msgs::PoseWithCovarianceStamped& pose);
+  void take_pose_of_apart(const geometry_msgs::PoseWithCovarianceStamped& pose);
+  void apply(runtime::LiveRequests requests);
+
+  const runtime::RunConfiguration& configuration_;
+  const runtime::RunPlan& plan_;
+  const std::filesystem::path file_;
+  const Preview preview_;
+  const Follow follow_;
+  std::mutex mutex_;
+  runtime::LiveRequests requests_;
+  ros::ServiceServer undo_;
+  std::vector<ros::Subscriber> poses_;
+  ros::Publisher publisher_;
+};
+
+// Follows what a RequestsServer of another program publishes. Calls come on the node's thread.
+class RequestsReader {
+ public:
+  RequestsReader(const runtime::RunPlan& plan, RequestsServer::Follow follow) : plan_(plan), follow_(std::move(follow)) {}
+  void register_at(RosNode& node);
+
+ private:
+  void take(const std_msgs::String& message);
+  const runtime::RunPlan& plan_;
+  const RequestsServer::Follow follow_;
+  ros::Subscriber subscriber_;
+};
+
+}  // namespace mapweave::ros_nodes

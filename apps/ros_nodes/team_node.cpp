@@ -1,0 +1,177 @@
+#include "team_node.h"
+
+#include "ros_names.h"
+
+#include "roles.h"
+
+#include <local_team.h>
+#include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
+#include <mapweave/core/log.h>
+
+#include <nlohmann/json.hpp>
+
+#include <map>
+#include <memory>
+#include <utility>
+
+namespace mapweave::ros_nodes {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Beside the results: the recordings, the configuration with which they can be mapped again, and what a team that was
+// killed goes on with.
+fs::path beside(const fs::path& out, const char* suffix) {
+  fs::path path = out.lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  return path += suffix;
+}
+
+// Of a team that is named by its robots alone.
+fs::path configuration_of_robots(const TeamArguments& arguments) {
+  const fs::path folder = beside(arguments.flags.out, ".logs");
+  fs::create_directories(folder);
+  std::string text = "robots:\n";
+  for (const std::string& robot : arguments.robots) text += "  - {id: " + robot + ", log: " + robot + ".mcap}\n";
+  fs::path file = folder / "run.yaml";
+  write_file(file, text);
+  return file;
+}
+
+// The recorders of all robots.
+class Recorders {
+ public:
+  Recorders(RosNode& node, const app::Deployment& deployment) {
+    for (const runtime::PlannedRobot& robot : deployment.plan.robots)
+      by_robot_[robot.id] =
+          std::make_unique<TopicRecorder>(node.handle(), robot, deployment.loaded.configuration);
+  }
+  ~Recorders() { finish(); }
+  Recorders(const Recorders&) = delete;
+  Recorders& operator=(const Recorders&) = delete;
+
+  bool has_log(const RobotId& robot) const { return by_robot_.at(robot)->is_recording(); }
+  void look() {
+    for (auto& [robot, recorder] : by_robot_) recorder->look();
+  }
+  void subscribe_again() {
+    for (auto& [robot, recorder] : by_robot_) recorder->subscribe_again();
+  }
+  void finish(const RobotId& robot) { by_robot_.at(robot)->finish(); }
+  void finish() {
+    for (auto& [robot, recorder] : by_robot_) recorder->finish();
+  }
+
+ private:
+  std::map<RobotId, std::unique_ptr<TopicRecorder>> by_robot_;
+};
+
+// What of the team is seen and asked for over ROS.
+class TeamTopics {
+ public:
+  TeamTopics(RosNode& node, app::LocalTeam& team, const fs::path& store)
+      : node_(node),
+        requests_(team.configuration(), team.plan(), store / "requests.json", [&team] { return team.cloud().preview(); },
+                  [&team](const runtime::LiveRequests& requests) {
+                    bool is_in_time = team.cloud().follow(requests);
+                    for (const TierId& edge : team.plan().edges)
+                      is_in_time = team.edge(edge).follow(requests) && is_in_time;
+                    return is_in_time;
+                  }),
+        end_("team/finish", "all robots end their drives") {
+    for (const TierId& edge : team.plan().edges) {
+      TierOfTeam tier{edge.str(), {}, false};
+      for (const runtime::PlannedRobot& robot : team.plan().robots)
+        if (robot.edge == edge) tier.robots.push_back(robot.id);
+      tiers_.push_back(std::make_unique<TierTopics>(node, team.configuration(), team.plan(), tier,
+                                                    [&team, edge] { return team.edge(edge).preview(); }));
+    }
+    tiers_.push_back(std::make_unique<TierTopics>(node, team.configuration(), team.plan(),
+                                                  TierOfTeam{runtime::cloud_tier().str(), {}, true},
+                                                  [&team] { return team.cloud().preview(); }));
+    for (const runtime::PlannedRobot& robot : team.plan().robots) {
+      const std::string name = RosNames({robot.id.str()}).of(robot.id.str());
+      robots_[robot.id] = std::make_unique<EndService>(name + "/finish", "robot " + robot.id.str() + " ends its drive");
+    }
+    register_services();
+  }
+
+  void register_again() {
+    for (const auto& tier : tiers_) tier->register_again();
+    register_services();
+  }
+  bool is_end_asked() const { return end_.is_asked(); }
+  bool is_end_asked(const RobotId& robot) const { return robots_.at(robot)->is_asked(); }
+
+ private:
+  void register_services() {
+    requests_.register_at(node_);
+    end_.register_at(node_);
+    for (const auto& entry : robots_) entry.second->register_at(node_);
+  }
+
+  RosNode& node_;
+  RequestsServer requests_;
+  EndService end_;
+  std::map<RobotId, std::unique_ptr<EndService>> robots_;
+  std::vector<std::unique_ptr<TierTopics>> tiers_;
+};
+
+}  // namespace
+
+ExitCode serve_team(const TeamArguments& arguments) {
+  app::StopSignals stops;
+  app::Deployment deployment =
+      app::load_deployment(arguments.file.empty() ? configuration_of_robots(arguments) : arguments.file,
+                           arguments.flags);
+  const app::RunningSince since(deployment.live());
+  const auto progress = make_terminal_progress();
+  const fs::path store = beside(arguments.flags.out, ".store");
+  fs::create_directories(store);
+  RosNode node(stops);
+  Recorders recorders(node, deployment);
+  app::LocalTeam team(deployment.loaded.configuration, deployment.plan, store,
+                      {arguments.flags.out, arguments.flags.force, true}, *progress,
+                      [&](const RobotId& robot) { return recorders.has_log(robot); });
+  // Recorders end first: a robot waits for its log's end.
+  struct LogsEnd {
+    Recorders& recorders;
+    ~LogsEnd() { recorders.finish(); }
+  } const logs_end{recorders};
+  const auto status = [&] { return team.status("team", since.terms()); };
+  std::unique_ptr<runtime::PageServer> page;
+  if (arguments.port >= 0) {
+    runtime::PageSource source = app::page_of("mapweave_ros team", team.configuration(), team.plan());
+    source.preview = [&] { return team.cloud().preview(); };
+    source.status = status;
+    page = app::show_page(team.configuration().live.page_host, arguments.port, std::move(source), *progress);
+  }
+  TeamTopics topics(node, team, store);
+  auto diagnostics = std::make_unique<DiagnosticsPublisher>(node.handle(), status);
+  progress->say("it waits for the topics of " + std::to_string(team.robots().size()) +
+                " robots; Ctrl-C ends the drives and writes the map, and again ends at once");
+  const runtime::Report report = app::wait_for_results(
+      team.cloud(), stops,
+      [&] {
+        recorders.finish();
+        team.end();
+      },
+      [&] {
+        if (node.is_forgotten()) {
+          recorders.subscribe_again();
+          topics.register_again();
+          diagnostics = std::make_unique<DiagnosticsPublisher>(node.handle(), status);
+        }
+        for (const runtime::PlannedRobot& robot : team.plan().robots)
+          if (topics.is_end_asked(robot.id)) recorders.finish(robot.id);
+        recorders.look();
+        team.look();
+        return topics.is_end_asked();
+      });
+  std::error_code ignored;
+  fs::remove_all(store, ignored);
+  return app::report_result(report, arguments.flags.out, arguments.flags.json);
+}
+
+}  // namespace mapweave::ros_nodes

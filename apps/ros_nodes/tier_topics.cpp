@@ -1,0 +1,198 @@
+#include "tier_topics.h"
+
+#include "map_publisher.h"
+#include "ros_messages.h"
+
+#include <map_msgs/SaveMap.h>
+#include <mapweave/core/log.h>
+#include <mapweave/exporters/map_folder.h>
+#include <mapweave/exporters/map_server.h>
+#include <mapweave/runtime/run_configuration.h>
+#include <nav_msgs/GetMap.h>
+#include <nav_msgs/LoadMap.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+namespace mapweave::ros_nodes {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kBetweenLooks = 100ms;
+
+std::vector<std::string> names_in(const runtime::RunPlan& plan) {
+  std::vector<std::string> names{runtime::cloud_tier().str()};
+  for (const TierId& edge : plan.edges) names.push_back(edge.str());
+  for (const runtime::PlannedRobot& robot : plan.robots) names.push_back(robot.id.str());
+  return names;
+}
+
+// Where odometry and base are, where nobody says otherwise.
+PublishedRobot published(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot) {
+  const rawlog::ReadOptions& reading = configuration_of(all, robot).reading;
+  const std::string space = namespace_of(all, robot), prefix = space.empty() ? "" : space + "/";
+  PublishedRobot one;
+  one.robot = robot.id;
+  one.odometry_topic = prefix + "odom";
+  one.odometry_frame = prefix + "odom";
+  one.robot_frame = reading.robot_frame.empty() ? prefix + "base_link" : reading.robot_frame;
+  return one;
+}
+
+MapPublisherOptions publisher_options(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
+                                      const TierOfTeam& tier, const RosNames& names) {
+  MapPublisherOptions options;
+  options.tier = tier.name;
+  if (!tier.shows_team_frame) {
+    options.team_frame = names.of(tier.name) + "/team";
+    options.team_transforms = TeamTransforms::below;
+  }
+  options.grid = configuration.compose;
+  options.cloud = configuration.output.cloud;
+  for (const runtime::PlannedRobot& robot : plan.robots)
+    if (std::find(tier.robots.begin(), tier.robots.end(), robot.id) != tier.robots.end())
+      options.robots.push_back(published(configuration, robot));
+  return options;
+}
+
+}  // namespace
+
+std::string namespace_of(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot) {
+  const rawlog::ReadOptions& reading = configuration_of(all, robot).reading;
+  return reading.robot_namespace.empty() ? robot.id.str() : reading.robot_namespace;
+}
+
+class TierTopics::State {
+ public:
+  State(RosNode& node, const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan, TierOfTeam tier,
+        Preview preview)
+      : node_(node),
+        configuration_(configuration),
+        tier_(std::move(tier)),
+        preview_(std::move(preview)),
+        names_(names_in(plan)),
+        options_(publisher_options(configuration, plan, tier_, names_)) {
+    register_again();
+    drawer_ = std::thread([this] { draw(); });
+  }
+
+  ~State() {
+    {
+      const std::lock_guard lock(mutex_);
+      ends_ = true;
+      changed_.notify_all();
+    }
+    drawer_.join();
+  }
+
+  void register_again() {
+    const std::lock_guard drawing(drawing_);
+    const std::string prefix = names_.of(tier_.name) + "/";
+    publisher_.emplace(node_.handle(), names_, options_, pool_);
+    loaded_.shutdown();
+    loaded_ = node_.handle().advertise<nav_msgs::OccupancyGrid>(prefix + "loaded_map", 1, true);
+    services_.clear();
+    services_.push_back(node_.handle().advertiseService(prefix + "save_map", &State::save_map, this));
+    services_.push_back(node_.handle().advertiseService(prefix + "load_map", &State::load_map, this));
+    services_.push_back(node_.handle().advertiseService(prefix + "static_map", &State::static_map, this));
+  }
+
+ private:
+  void draw() {
+    std::unique_lock lock(mutex_);
+    while (!ends_) {
+      lock.unlock();
+      {
+        const std::lock_guard drawing(drawing_);
+        publisher_->publish(preview_());
+      }
+      lock.lock();
+      changed_.wait_for(lock, kBetweenLooks, [&] { return ends_; });
+    }
+  }
+
+  const Map* largest(const std::shared_ptr<const runtime::LivePreview>& preview) const {
+    return preview != nullptr && !preview->parts.empty() ? &preview->parts.front().map : nullptr;
+  }
+
+  OccupancyGrid grid_of(const Map& map) const {
+    WorkerPool alone(1);
+    return fusion::compose_grid(map, configuration_.compose, alone);
+  }
+
+  template <class Work>
+  bool answered(const char* what, const Work& work) const {
+    try {
+      return work();
+    } catch (const Error& error) {
+      log(LogLevel::warning, std::string(what) + ": " + error.what());
+    }
+    return false;
+  }
+
+  bool save_map(map_msgs::SaveMap::Request& request, map_msgs::SaveMap::Response&) {
+    return answered("save_map", [&] {
+      const auto preview = preview_();
+      const Map* map = largest(preview);
+      if (map == nullptr) throw Error(ErrorCode::kMissing, "there is no map yet", tier_.name, "wait for the first one");
+      if (request.filename.data.empty())
+        throw Error(ErrorCode::kBadInput, "names no folder", "filename", "name a folder for the files");
+      const std::filesystem::path folder = request.filename.data;
+      write_map_folder(folder, *map, grid_of(*map), folder_options(configuration_.output, tier_.name));
+      log(LogLevel::info, tier_.name + ": the map so far is in " + folder.string());
+      return true;
+    });
+  }
+
+  bool load_map(nav_msgs::LoadMap::Request& request, nav_msgs::LoadMap::Response& response) {
+    const bool is_loaded = answered("load_map", [&] {
+      response.map = grid_message(exporters::read_map_server(request.map_url), options_.team_frame);
+      response.map.header.stamp = ros::Time::now();
+      response.result = nav_msgs::LoadMap::Response::RESULT_SUCCESS;
+      loaded_.publish(response.map);
+      return true;
+    });
+    if (!is_loaded) response.result = nav_msgs::LoadMap::Response::RESULT_INVALID_MAP_DATA;
+    return true;
+  }
+
+  bool static_map(nav_msgs::GetMap::Request&, nav_msgs::GetMap::Response& response) {
+    return answered("static_map", [&] {
+      const auto preview = preview_();
+      const Map* map = largest(preview);
+      if (map == nullptr) throw Error(ErrorCode::kMissing, "there is no map yet", tier_.name, "wait for the first one");
+      response.map = grid_message(grid_of(*map), options_.team_frame);
+      response.map.header.stamp = ros::Time::now();
+      return true;
+    });
+  }
+
+  RosNode& node_;
+  const runtime::RunConfiguration& configuration_;
+  const TierOfTeam tier_;
+  const Preview preview_;
+  const RosNames names_;
+  const MapPublisherOptions options_;
+  WorkerPool pool_{1};
+  std::mutex drawing_;  // publisher_ is used, or made anew
+  std::optional<MapPublisher> publisher_;
+  ros::Publisher loaded_;
+  std::vector<ros::ServiceServer> services_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool ends_ = false;
+  std::thread drawer_;
+};
+
+TierTopics::TierTopics(RosNode& node, const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
+                       TierOfTeam tier, Preview preview)
+    : state_(std::make_unique<State>(node, configuration, plan, std::move(tier), std::move(preview))) {}
+TierTopics::~TierTopics() = default;
+void TierTopics::register_again() { state_->register_again(); }
+
+}  // namespace mapweave::ros_nodes

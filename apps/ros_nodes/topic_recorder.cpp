@@ -1,0 +1,228 @@
+#include "topic_recorder.h"
+
+#include "ros_node.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/serialization.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/MultiEchoLaserScan.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+namespace mapweave::ros_nodes {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kBetweenLooks = 500ms;
+constexpr auto kSettled = 2s;
+constexpr auto kPatience = 15s;
+constexpr std::uint32_t kQueue = 10'000;  // messages of a topic, while the disk is slow
+constexpr std::int64_t kBack_ns = 1'000'000'000;
+
+// Known by their definitions, which other programs need to read the recording.
+const std::map<std::string, std::string>& definitions() {
+  static const auto entry = [](auto message) {
+    using Type = decltype(message);
+    return std::pair<std::string, std::string>(ros::message_traits::DataType<Type>::value(),
+                                               ros::message_traits::Definition<Type>::value());
+  };
+  static const std::map<std::string, std::string> all = {
+      entry(sensor_msgs::LaserScan()),
+      entry(sensor_msgs::MultiEchoLaserScan()),
+      entry(sensor_msgs::PointCloud2()),
+      entry(sensor_msgs::Imu()),
+      entry(sensor_msgs::Image()),
+      entry(sensor_msgs::CompressedImage()),
+      entry(sensor_msgs::CameraInfo()),
+      entry(nav_msgs::Odometry()),
+      entry(tf2_msgs::TFMessage()),
+      {"tf/tfMessage", ros::message_traits::Definition<tf2_msgs::TFMessage>::value()}};
+  return all;
+}
+
+bool is_of_transforms(const std::string& type) { return type == "tf2_msgs/TFMessage" || type == "tf/tfMessage"; }
+bool is_of_range(const std::string& type) {
+  return type == "sensor_msgs/LaserScan" || type == "sensor_msgs/MultiEchoLaserScan" ||
+         type == "sensor_msgs/PointCloud2";
+}
+
+// Stamp of a message that begins with a header; of transforms they come in any order.
+std::optional<std::int64_t> stamp_of(const std::string& type, const std::string& message) {
+  if (is_of_transforms(type)) return std::nullopt;
+  constexpr std::size_t kSecondsAt = 4;
+  std::uint32_t parts[2];  // seconds, nanoseconds
+  if (message.size() < kSecondsAt + sizeof parts) return std::nullopt;
+  std::memcpy(parts, message.data() + kSecondsAt, sizeof parts);
+  const std::int64_t stamp_ns = std::int64_t{parts[0]} * 1'000'000'000 + parts[1];
+  return stamp_ns == 0 ? std::nullopt : std::optional(stamp_ns);
+}
+
+bool has_prefix(const std::string& text, const std::string& prefix) {
+  return text.compare(0, prefix.size(), prefix) == 0;
+}
+
+}  // namespace
+
+TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& robot,
+                             const runtime::RunConfiguration& configuration)
+    : node_(std::move(node)),
+      robot_(robot.id),
+      log_(robot.log),
+      reading_(configuration_of(configuration, robot).reading),
+      sensor_(configuration_of(configuration, robot).sensor),
+      space_(reading_.robot_namespace) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(log_, ignored)) return;
+  recorder_ = std::make_unique<rawlog::RosRecorder>(log_);
+  log(LogLevel::info, "robot " + robot_.str() + " goes on with the recording " + log_.string());
+  newest_ns_.resize(recorder_->topics().size());
+  subscribe();
+}
+
+bool TopicRecorder::is_recording() const {
+  const std::lock_guard lock(mutex_);
+  return recorder_ != nullptr;
+}
+
+void TopicRecorder::subscribe_again() {
+  const std::lock_guard lock(mutex_);
+  if (recorder_ && !recorder_->is_finished()) subscribe();
+}
+
+void TopicRecorder::look() {
+  const std::lock_guard lock(mutex_);
+  if (trouble_) throw Error(*trouble_);
+  if (Clock::now() < next_look_) return;
+  next_look_ = Clock::now() + kBetweenLooks;
+  if (recorder_) return;
+  if (auto topics = found_topics()) begin(std::move(*topics));
+}
+
+// Those to be recorded, once something that maps is there and nothing new has come for a while.
+std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() {
+  ros::master::V_TopicInfo published;
+  if (!ros::master::getTopics(published)) return std::nullopt;
+  std::sort(published.begin(), published.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  std::vector<rawlog::RecordedTopic> there;
+  std::vector<std::string> names;
+  bool has_own = false;
+  for (const ros::master::TopicInfo& topic : published) {
+    const auto definition = definitions().find(topic.datatype);
+    if (definition == definitions().end()) continue;
+    there.push_back({topic.name, topic.datatype, definition->second});
+    names.push_back(topic.name);
+    has_own = has_own || has_prefix(topic.name, "/" + robot_.str() + "/");
+  }
+  const auto now = Clock::now();
+  if (names != last_seen_) seen_since_ = now;
+  last_seen_ = std::move(names);
+  rawlog::ReadOptions reading = reading_;
+  if (reading.robot_namespace.empty() && has_own) reading.robot_namespace = robot_.str();
+  const std::string prefix = reading.robot_namespace.empty() ? "/" : "/" + reading.robot_namespace + "/";
+  const bool has_range = std::any_of(there.begin(), there.end(), [&](const rawlog::RecordedTopic& topic) {
+    return is_of_range(topic.type) && has_prefix(topic.name, prefix);
+  });
+  const bool with_cameras = sensor_ != "laser" && (sensor_ != "auto" || !has_range);
+  const bool can_map = std::any_of(there.begin(), there.end(), [&](const rawlog::RecordedTopic& topic) {
+    return has_prefix(topic.name, prefix) && !is_of_transforms(topic.type) && topic.type != "nav_msgs/Odometry" &&
+           topic.type != "sensor_msgs/Imu";
+  });
+  if (!can_map || now - seen_since_ < kSettled) {
+    if (!can_map && now - warned_ > kPatience) {
+      if (warned_ != Clock::time_point())
+        log(LogLevel::warning, "robot " + robot_.str() + " waits for a laser, a lidar or a camera below " + prefix +
+                                   "; the ROS master knows " + std::to_string(there.size()) +
+                                   " topics of sensors and transforms");
+      warned_ = now;
+    }
+    return std::nullopt;
+  }
+  space_ = reading.robot_namespace;
+  return topics_to_record(there, reading, with_cameras, "robot " + robot_.str());
+}
+
+void TopicRecorder::begin(std::vector<rawlog::RecordedTopic> topics) {
+  std::string names;
+  for (const rawlog::RecordedTopic& topic : topics) names += (names.empty() ? "" : ", ") + topic.name;
+  recorder_ = std::make_unique<rawlog::RosRecorder>(log_, std::move(topics));
+  newest_ns_.resize(recorder_->topics().size());
+  log(LogLevel::info, "robot " + robot_.str() + " records " + names + " into " + log_.string());
+  subscribe();
+}
+
+void TopicRecorder::subscribe() {
+  subscribers_.clear();
+  for (std::size_t i = 0; i < recorder_->topics().size(); ++i) {
+    ros::SubscribeOptions options;
+    options.initByFullCallbackType<const Message&>(recorder_->topics()[i].name, kQueue,
+                                                   [this, i](const Message& message) { take(i, message); });
+    options.transport_hints.tcpNoDelay();
+    subscribers_.push_back(node_.subscribe(options));
+  }
+}
+
+// What these send tells of maps, not of sensors.
+bool TopicRecorder::is_of_mapweave(const std::string& publisher) {
+  const auto known = publishers_.find(publisher);
+  if (known != publishers_.end()) return known->second;
+  return publishers_.emplace(publisher, is_node_of_mapweave(publisher)).first->second;
+}
+
+void TopicRecorder::take(std::size_t topic, const Message& message) {
+  const std::lock_guard lock(mutex_);
+  if (trouble_ || !recorder_ || recorder_->is_finished()) return;
+  const rawlog::RecordedTopic& of = recorder_->topics()[topic];
+  const topic_tools::ShapeShifter& shape = *message.getConstMessage();
+  if (is_of_transforms(of.type) && is_of_mapweave(message.getPublisherName())) return;
+  std::string bytes(shape.size(), '\0');
+  ros::serialization::OStream stream(reinterpret_cast<std::uint8_t*>(bytes.data()),
+                                     static_cast<std::uint32_t>(bytes.size()));
+  shape.write(stream);
+  if (const auto stamp_ns = stamp_of(of.type, bytes)) {
+    if (*stamp_ns < newest_ns_[topic] - kBack_ns) {
+      if (repeated_++ == 0)
+        log(LogLevel::warning, "robot " + robot_.str() + ": the stamps of " + of.name +
+                                   " jumped back; what comes is left out until they are newer again (a bag that is "
+                                   "played in a loop is mapped once)");
+      return;
+    }
+    newest_ns_[topic] = std::max(newest_ns_[topic], *stamp_ns);
+  }
+  received_ = Clock::now();
+  try {
+    recorder_->add(topic, static_cast<std::int64_t>(message.getReceiptTime().toNSec()), bytes);
+  } catch (const Error& error) {
+    trouble_ = error;
+  }
+}
+
+void TopicRecorder::finish() {
+  const std::lock_guard lock(mutex_);
+  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
+  if (recorder_) recorder_->finish();
+}
+
+RecorderCounts TopicRecorder::counts() const {
+  const std::lock_guard lock(mutex_);
+  RecorderCounts counts;
+  counts.repeated = repeated_;
+  if (!recorder_) return counts;
+  for (const rawlog::RecordedTopic& topic : recorder_->topics()) counts.topics.push_back(topic.name);
+  counts.messages = recorder_->messages();
+  if (received_ != Clock::time_point())
+    counts.received_s = std::chrono::duration<double>(Clock::now() - received_).count();
+  return counts;
+}
+
+}  // namespace mapweave::ros_nodes

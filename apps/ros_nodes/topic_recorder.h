@@ -1,0 +1,70 @@
+#pragma once
+// Records a robot's sensor topics while they come, for a robot of a deployment that reads the recording as it grows.
+
+#include <mapweave/rawlog/ros_recorder.h>
+#include <mapweave/runtime/run_configuration.h>
+#include <ros/ros.h>
+#include <topic_tools/shape_shifter.h>
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapweave::ros_nodes {
+
+struct RecorderCounts {
+  std::vector<std::string> topics;  // none: it waits for them
+  std::uint64_t messages = 0;
+  std::uint64_t repeated = 0;        // left out: their time was recorded already, as where a bag is played again
+  std::optional<double> received_s;  // since the last message
+};
+
+// Calls are thread-safe; messages are taken by whoever spins.
+class TopicRecorder {
+ public:
+  // Into the robot's log. Goes on with a recording that was not finished. Throws as RosRecorder.
+  TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& robot,
+                const runtime::RunConfiguration& configuration);
+
+  // The master was started again: subscribes anew.
+  void subscribe_again();
+  // Now and then: looks for the robot's topics, and begins once they are there and no new ones come. Throws Error:
+  // kBadInput where it is not clear which topics it should take, and kCannotWrite where the disk is full.
+  void look();
+  bool is_recording() const;
+  void finish();                                                 // what comes later is left out
+  const std::string& robot_namespace() const { return space_; }  // "alpha"; empty: none. Once it records
+  RecorderCounts counts() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  using Message = ros::MessageEvent<topic_tools::ShapeShifter const>;
+  std::optional<std::vector<rawlog::RecordedTopic>> found_topics();
+  void begin(std::vector<rawlog::RecordedTopic> topics);
+  void subscribe();
+  void take(std::size_t topic, const Message& message);
+  bool is_of_mapweave(const std::string& publisher);
+
+  ros::NodeHandle node_;
+  const RobotId robot_;
+  const std::filesystem::path log_;
+  const rawlog::ReadOptions reading_;
+  const std::string sensor_;
+  std::string space_;
+
+  mutable std::mutex mutex_;
+  std::unique_ptr<rawlog::RosRecorder> recorder_;  // null: it waits for topics
+  std::vector<ros::Subscriber> subscribers_;
+  std::vector<std::string> last_seen_;  // topics, while they still come
+  Clock::time_point seen_since_{}, next_look_{}, received_{}, warned_{};
+  std::vector<std::int64_t> newest_ns_;     // stamps, by topic
+  std::map<std::string, bool> publishers_;  // whether they are programs of mapweave
+  std::uint64_t repeated_ = 0;
+  std::optional<Error> trouble_;
+};
+
+}  // namespace mapweave::ros_nodes
