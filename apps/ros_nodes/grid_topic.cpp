@@ -1,6 +1,8 @@
 #include "on_demand_topic.h"
 #include "ros_messages.h"
 
+#include <algorithm>
+
 namespace mapweave::ros_nodes {
 namespace {
 

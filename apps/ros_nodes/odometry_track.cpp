@@ -3,6 +3,7 @@
 #include "ros_messages.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace mapweave::ros_nodes {
 

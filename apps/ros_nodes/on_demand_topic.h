@@ -8,12 +8,13 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/MarkerArray.h>
 
-#include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 
 namespace mapweave::ros_nodes {
 
@@ -94,7 +95,6 @@ class OnDemandTopic {
   }
 
   std::multiset<std::string> subscribers() const { return names_.all(); }
-  std::string name() const { return publisher_.getTopic(); }
 
  private:
   void welcome(const ros::SingleSubscriberPublisher& subscriber) {
