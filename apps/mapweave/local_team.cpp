@@ -41,9 +41,9 @@ LocalTeam::LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan p
       if (robot.edge == name) robots.add(robot.id.str(), wires_->at_edge(robot.id, name));
   }
   for (const runtime::PlannedRobot& robot : plan_.robots)
-    robots_.emplace_back(robot, configuration_,
-                         [this, id = robot.id](const TierId& edge) { return wires_->from_robot(id, edge)(); },
-                         has_log ? std::function<bool()>([has_log, id = robot.id] { return has_log(id); }) : nullptr);
+    robots_.emplace_back(
+        robot, configuration_, [this, id = robot.id](const TierId& edge) { return wires_->from_robot(id, edge)(); },
+        has_log ? std::function<bool()>([has_log, id = robot.id] { return has_log(id); }) : nullptr);
 }
 
 LocalTeam::~LocalTeam() = default;

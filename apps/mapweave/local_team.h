@@ -23,8 +23,8 @@ namespace mapweave::app {
 // Not thread-safe.
 class LocalTeam {
  public:
-  // has_log: as StartingRobot's. store: a folder for the broker and for journals, with which a team that was killed goes on. The plan's sensors need
-  // not be chosen. Throws what LiveEdge, LiveCloud and the broker throw.
+  // has_log: as StartingRobot's. store: a folder for the broker and for journals, with which a team that was killed
+  // goes on. The plan's sensors need not be chosen. Throws what LiveEdge, LiveCloud and the broker throw.
   LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan plan, const std::filesystem::path& store,
             const runtime::RunSettings& results, Progress& progress,
             const std::function<bool(const RobotId&)>& has_log = nullptr);

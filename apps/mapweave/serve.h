@@ -132,7 +132,7 @@ class RoleExtension {
   virtual bool look(runtime::LiveCloud&, const Status&) { return false; }
   virtual bool look(runtime::LiveCoordinator&, const Status&) { return false; }
   virtual bool shows_maps() const { return false; }  // an edge's and a cloud's previews are to be kept
-  virtual bool has_log() const { return true; }  // of the robot: it is there, though it may still be written
+  virtual bool has_log() const { return true; }      // of the robot: it is there, though it may still be written
   // No more of the robot's log will be needed, or the program ends: whoever writes the log finishes it.
   virtual void end_log() {}
 };

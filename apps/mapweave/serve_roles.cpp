@@ -129,9 +129,9 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   const runtime::NatsWires wires(deployment.loaded.configuration, planned->edge, kToConnect);
   PlanReader plans(wires, deployment);
   extension.begin(deployment, name.str(), signals);
-  StartingRobot robot(*planned, deployment.loaded.configuration,
-                      [&](const TierId& edge) { return wires.from_robot(name, edge)(); },
-                      [&] { return extension.has_log(); });
+  StartingRobot robot(
+      *planned, deployment.loaded.configuration, [&](const TierId& edge) { return wires.from_robot(name, edge)(); },
+      [&] { return extension.has_log(); });
   const LogEnd log_end(extension);
   const auto progress = make_terminal_progress();
   RobotLines lines(name, *progress);

@@ -49,16 +49,18 @@ bool StartingRobot::look() {
   if (started_) return true;
   if (!look_into_log()) return false;
   if (robot_.trouble && robot_.trouble->code() == ErrorCode::kMissing) throw Error(*robot_.trouble);
-  started_.emplace(robot_, configuration_, configuration_.live, std::move(to_edge_));
+  runtime::LiveOptions live = configuration_.live;
+  if (configuration_.reading.follow) live.speed = 0.0;  // it comes at the speed at which it is sensed
+  started_.emplace(robot_, configuration_, live, std::move(to_edge_));
   if (plan_) started_->follow(*plan_);
-  if (ends_) started_->end();
+  if (ends_ && !configuration_.reading.follow) started_->end();
   return true;
 }
 
 void StartingRobot::end() {
   const std::lock_guard lock(mutex_);
   ends_ = true;
-  if (started_) started_->end();
+  if (started_ && !configuration_.reading.follow) started_->end();
 }
 
 void StartingRobot::follow(const runtime::LivePlan& plan) {

@@ -21,7 +21,9 @@ class StartingRobot {
   const RobotId& id() const { return robot_.id; }
   // Now and then. True: it has started. Throws Error: kMissing where there is no log, and as LiveRobot does.
   bool look();
-  void end();  // as LiveRobot's; where there is no log yet, its edge is informed that it has none
+  // As LiveRobot's; where there is no log yet, its edge is informed that it has none. A log that is read while it is
+  // written ends the drive when it is finished, and is read to its end.
+  void end();
   void follow(const runtime::LivePlan& plan);
   runtime::LiveRobotCounts counts() const;  // of one that has not started: that it has sensed nothing
   bool is_done() const;

@@ -38,8 +38,8 @@ runtime::StartPose start_pose(const Pose2& pose, double sigma_m, double sigma_ra
 
 }  // namespace
 
-void add_pose(const GivenPose& pose, const runtime::LivePreview& preview, const runtime::RunConfiguration& configuration,
-              runtime::LiveRequests& requests) {
+void add_pose(const GivenPose& pose, const runtime::LivePreview& preview,
+              const runtime::RunConfiguration& configuration, runtime::LiveRequests& requests) {
   if (preview.parts.empty())
     throw Error(ErrorCode::kBadInput, "there is no map yet in which robot '" + pose.robot.str() + "' could be", {},
                 "wait for the first preview");

@@ -14,7 +14,7 @@ struct GivenPose {
 
 // The starts that say it: the robot's own, and that of the first robot of the largest part, to which it is a pose.
 // Throws Error(kBadInput) where the preview shows no other robot yet.
-void add_pose(const GivenPose& pose, const runtime::LivePreview& preview, const runtime::RunConfiguration& configuration,
-              runtime::LiveRequests& requests);
+void add_pose(const GivenPose& pose, const runtime::LivePreview& preview,
+              const runtime::RunConfiguration& configuration, runtime::LiveRequests& requests);
 
 }  // namespace mapweave::ros_nodes

@@ -98,7 +98,8 @@ ExitCode run_program(int argc, char** argv) {
   CLI::App* team = program.add_subcommand("team", "maps a whole team: robots, edges and cloud in one node");
   CLI::App* robot = program.add_subcommand("robot", "records a robot's topics, and sends what it senses to its edge");
   CLI::App* edge = program.add_subcommand("edge", "maps what its robots send, merges their maps, and publishes them");
-  CLI::App* cloud = program.add_subcommand("cloud", "merges the maps of all edges, publishes the team's, and writes it");
+  CLI::App* cloud =
+      program.add_subcommand("cloud", "merges the maps of all edges, publishes the team's, and writes it");
   CLI::App* coordinator = program.add_subcommand("coordinator", "gives robots to edges, again and again");
   add_team_arguments(*team, given.team);
   for (CLI::App* one : {robot, edge, cloud, coordinator}) add_role_arguments(*one, given.role);

@@ -34,9 +34,10 @@ class EndService {
 };
 
 // undo_join (mapweave_msgs/UndoJoin) below the tier's name: two robots' maps are never matched to each other from then
-// on. ROBOT/initialpose (geometry_msgs/PoseWithCovarianceStamped, in the team frame): where the robot is now; initialpose,
-// which RViz publishes: of the one robot whose map is not in the largest one. Kept in a file, so that a program that is started again knows them, and published as they are (CLOUD/requests, latched JSON),
-// for edges that are other programs.
+// on. ROBOT/initialpose (geometry_msgs/PoseWithCovarianceStamped, in the team frame): where the robot is now;
+// initialpose, which RViz publishes: of the one robot whose map is not in the largest one. Kept in a file, so that a
+// program that is started again knows them, and published as they are (CLOUD/requests, latched JSON), for edges that
+// are other programs.
 class RequestsServer {
  public:
   using Preview = std::function<std::shared_ptr<const runtime::LivePreview>()>;
@@ -67,7 +68,8 @@ class RequestsServer {
 // Follows what a RequestsServer of another program publishes. Calls come on the node's thread.
 class RequestsReader {
  public:
-  RequestsReader(const runtime::RunPlan& plan, RequestsServer::Follow follow) : plan_(plan), follow_(std::move(follow)) {}
+  RequestsReader(const runtime::RunPlan& plan, RequestsServer::Follow follow)
+      : plan_(plan), follow_(std::move(follow)) {}
   void register_at(RosNode& node);
 
  private:

@@ -63,12 +63,14 @@ void RobotNode::register_again() {
 bool EdgeNode::look(runtime::LiveEdge& edge, const Status& status) {
   turn(status);
   if (topics_) return false;
-  requests_.emplace(deployment().plan, [&edge](const runtime::LiveRequests& requests) { return edge.follow(requests); });
+  requests_.emplace(deployment().plan,
+                    [&edge](const runtime::LiveRequests& requests) { return edge.follow(requests); });
   requests_->register_at(node());
   TierOfTeam tier{name(), {}, false};
   for (const runtime::PlannedRobot& robot : deployment().plan.robots)
     if (robot.edge.str() == name()) tier.robots.push_back(robot.id);
-  topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, tier, [&edge] { return edge.preview(); });
+  topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, tier,
+                  [&edge] { return edge.preview(); });
   return false;
 }
 
@@ -85,7 +87,8 @@ bool CloudNode::look(runtime::LiveCloud& cloud, const Status& status) {
     requests_.emplace(deployment().loaded.configuration, deployment().plan, requests_file(deployment()), preview,
                       [&cloud](const runtime::LiveRequests& requests) { return cloud.follow(requests); });
     end_.emplace("cloud/finish", "the cloud merges what is there");
-    topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, TierOfTeam{name(), {}, true}, preview);
+    topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, TierOfTeam{name(), {}, true},
+                    preview);
     requests_->register_at(node());
     end_->register_at(node());
   }

@@ -44,8 +44,7 @@ class Recorders {
  public:
   Recorders(RosNode& node, const app::Deployment& deployment) {
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
-      by_robot_[robot.id] =
-          std::make_unique<TopicRecorder>(node.handle(), robot, deployment.loaded.configuration);
+      by_robot_[robot.id] = std::make_unique<TopicRecorder>(node.handle(), robot, deployment.loaded.configuration);
   }
   ~Recorders() { finish(); }
   Recorders(const Recorders&) = delete;
@@ -72,13 +71,13 @@ class TeamTopics {
  public:
   TeamTopics(RosNode& node, app::LocalTeam& team, const fs::path& store)
       : node_(node),
-        requests_(team.configuration(), team.plan(), store / "requests.json", [&team] { return team.cloud().preview(); },
-                  [&team](const runtime::LiveRequests& requests) {
-                    bool is_in_time = team.cloud().follow(requests);
-                    for (const TierId& edge : team.plan().edges)
-                      is_in_time = team.edge(edge).follow(requests) && is_in_time;
-                    return is_in_time;
-                  }),
+        requests_(
+            team.configuration(), team.plan(), store / "requests.json", [&team] { return team.cloud().preview(); },
+            [&team](const runtime::LiveRequests& requests) {
+              bool is_in_time = team.cloud().follow(requests);
+              for (const TierId& edge : team.plan().edges) is_in_time = team.edge(edge).follow(requests) && is_in_time;
+              return is_in_time;
+            }),
         end_("team/finish", "all robots end their drives") {
     for (const TierId& edge : team.plan().edges) {
       TierOfTeam tier{edge.str(), {}, false};
@@ -122,9 +121,8 @@ class TeamTopics {
 
 ExitCode serve_team(const TeamArguments& arguments) {
   app::StopSignals stops;
-  app::Deployment deployment =
-      app::load_deployment(arguments.file.empty() ? configuration_of_robots(arguments) : arguments.file,
-                           arguments.flags);
+  app::Deployment deployment = app::load_deployment(
+      arguments.file.empty() ? configuration_of_robots(arguments) : arguments.file, arguments.flags);
   const app::RunningSince since(deployment.live());
   const auto progress = make_terminal_progress();
   const fs::path store = beside(arguments.flags.out, ".store");

@@ -64,8 +64,7 @@ bool joins_any_of(const std::set<std::pair<MapId, MapId>>& pairs, const MergedMa
   const auto has = [&](const MapId& map) {
     return std::binary_search(merged.members.begin(), merged.members.end(), map);
   };
-  return std::any_of(pairs.begin(), pairs.end(),
-                     [&](const auto& pair) { return has(pair.first) && has(pair.second); });
+  return std::any_of(pairs.begin(), pairs.end(), [&](const auto& pair) { return has(pair.first) && has(pair.second); });
 }
 
 std::size_t bytes_in(const std::vector<std::string>& messages) {

@@ -59,8 +59,8 @@ struct LiveCloud::State {
   std::set<Hash> known;                      // what came already, whatever its number
   LivePlan newest_plan;                      // number 0: none came
   LiveRequests asked_for;
-  bool has_new_requests = true;              // that no preview knows of
-  RunPlan plan;                              // with the edges that it named
+  bool has_new_requests = true;  // that no preview knows of
+  RunPlan plan;                  // with the edges that it named
   bool has_new_plan = false, seals_now = false, ends = false;
   std::optional<Report> report;
   std::exception_ptr trouble;

@@ -190,8 +190,7 @@ std::vector<fusion::MapPrior> LiveEdge::State::priors(const std::vector<const Ma
 std::set<std::pair<MapId, MapId>> LiveEdge::State::refused() const {
   std::set<std::pair<MapId, MapId>> maps;
   const std::lock_guard lock(mutex);
-  for (const auto& [a, b] : refused_in(site.plan, asked_for))
-    maps.insert(std::minmax(MapId(a.str()), MapId(b.str())));
+  for (const auto& [a, b] : refused_in(site.plan, asked_for)) maps.insert(std::minmax(MapId(a.str()), MapId(b.str())));
   return maps;
 }
 

@@ -43,7 +43,8 @@ class RoundMerger {
   void receive(const RoundNews& news, const TierId& from);
   void forget(const MapId&);  // it is elsewhere now
 
-  const Map* map(const MapId&) const;  // as it is so far; null where none is known. Until the next call that is not const
+  const Map* map(
+      const MapId&) const;  // as it is so far; null where none is known. Until the next call that is not const
   bool has_news() const { return has_news_; }  // since the last fuse()
   // A preview of the maps that are large enough. What was merged the last time is taken as it was, unless what is new
   // contradicts it; all is looked for again once there are twice as many submaps. Pure in what was received so far,
