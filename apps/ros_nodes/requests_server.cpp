@@ -15,6 +15,7 @@ namespace mapweave::ros_nodes {
 namespace {
 
 constexpr char kRequests[] = "cloud/requests";
+constexpr std::uint32_t kQueue = 10;
 
 // Standard deviations of a pose, where it has them.
 void take_covariance(const geometry_msgs::PoseWithCovarianceStamped& pose, GivenPose& given) {
@@ -28,9 +29,9 @@ void take_covariance(const geometry_msgs::PoseWithCovarianceStamped& pose, Given
 
 }  // namespace
 
-void EndService::register_at(RosNode& node) {
-  server_.shutdown();
-  server_ = node.handle().advertiseService(name_, &EndService::end, this);
+EndService::EndService(RosNode& node, const std::string& name, std::string what_ends)
+    : what_ends_(std::move(what_ends)) {
+  node.serve(name, &EndService::end, this);
 }
 
 bool EndService::end(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -40,40 +41,27 @@ bool EndService::end(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& r
   return true;
 }
 
-RequestsServer::RequestsServer(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
-                               std::filesystem::path file, Preview preview, Follow follow)
-    : configuration_(configuration),
-      plan_(plan),
-      file_(std::move(file)),
-      preview_(std::move(preview)),
-      follow_(std::move(follow)) {
+RequestsServer::RequestsServer(RosNode& node, const Team& team, std::filesystem::path file, Preview preview,
+                               Follow follow)
+    : team_(team), file_(std::move(file)), preview_(std::move(preview)), follow_(std::move(follow)) {
   std::error_code ignored;
-  if (!std::filesystem::exists(file_, ignored)) return;
-  requests_ = runtime::decode_live_requests(read_file(file_), plan_, file_.string());
-  follow_(requests_);
-}
-
-void RequestsServer::register_at(RosNode& node) {
-  const std::lock_guard lock(mutex_);
-  undo_.shutdown();
-  poses_.clear();
-  publisher_.shutdown();
-  undo_ = node.handle().advertiseService("cloud/undo_join", &RequestsServer::undo_join, this);
-  for (const runtime::PlannedRobot& robot : plan_.robots) {
-    const std::string space = robot.id.str();
-    const auto take = [this, id = robot.id](const geometry_msgs::PoseWithCovarianceStamped::ConstPtr& pose) {
-      take_pose(id, *pose);
-    };
-    poses_.push_back(node.handle().subscribe<geometry_msgs::PoseWithCovarianceStamped>(
-        RosNames({space}).of(space) + "/initialpose", 10, take));
+  if (std::filesystem::exists(file_, ignored)) {
+    requests_ = runtime::decode_live_requests(read_file(file_), team_.plan, file_.string());
+    follow_(requests_);
   }
-  poses_.push_back(node.handle().subscribe<geometry_msgs::PoseWithCovarianceStamped>(
-      "initialpose", 10,
-      [this](const geometry_msgs::PoseWithCovarianceStamped::ConstPtr& pose) { take_pose_of_apart(*pose); }));
+  using Pose = geometry_msgs::PoseWithCovarianceStamped;
+  for (const runtime::PlannedRobot& robot : team_.plan.robots) {
+    const std::string name = RosNames({robot.id.str()}).of(robot.id.str());
+    poses_.push_back(node.handle().subscribe<Pose>(
+        name + "/initialpose", kQueue, [this, id = robot.id](const Pose::ConstPtr& pose) { take_pose(id, *pose); }));
+  }
+  poses_.push_back(node.handle().subscribe<Pose>("initialpose", kQueue,
+                                                 [this](const Pose::ConstPtr& pose) { take_pose_of_apart(*pose); }));
   publisher_ = node.handle().advertise<std_msgs::String>(kRequests, 1, true);
   std_msgs::String message;
   message.data = encode(requests_);
   publisher_.publish(message);
+  node.serve("cloud/undo_join", &RequestsServer::undo_join, this);
 }
 
 // Under mutex_. Throws where it is too late.
@@ -92,7 +80,7 @@ bool RequestsServer::undo_join(mapweave_msgs::UndoJoin::Request& request, mapwea
   const std::lock_guard lock(mutex_);
   try {
     for (const std::string& name : {request.a, request.b})
-      if (std::none_of(plan_.robots.begin(), plan_.robots.end(),
+      if (std::none_of(team_.plan.robots.begin(), team_.plan.robots.end(),
                        [&](const runtime::PlannedRobot& robot) { return robot.id.str() == name; }))
         throw Error(ErrorCode::kBadInput, "there is no robot '" + name + "'", {}, "name two robots of the team");
     if (request.a == request.b) throw Error(ErrorCode::kBadInput, "they are one robot", {}, "name two robots");
@@ -121,7 +109,7 @@ void RequestsServer::take_pose(const RobotId& robot, const geometry_msgs::PoseWi
     take_covariance(pose, given);
     const auto preview = preview_();
     runtime::LiveRequests requests = requests_;
-    add_pose(given, preview != nullptr ? *preview : runtime::LivePreview(), configuration_, requests);
+    add_pose(given, preview != nullptr ? *preview : runtime::LivePreview(), team_.configuration, requests);
     apply(std::move(requests));
     log(LogLevel::info, "robot " + robot.str() + ": its pose in the team's map was given, and counts from now on");
   } catch (const Error& error) {
@@ -142,10 +130,10 @@ void RequestsServer::take_pose_of_apart(const geometry_msgs::PoseWithCovarianceS
                              " robots are apart from the largest map; publish it on ROBOT/initialpose");
 }
 
-void RequestsReader::register_at(RosNode& node) {
-  subscriber_.shutdown();
+RequestsReader::RequestsReader(RosNode& node, const runtime::RunPlan& plan, RequestsServer::Follow follow)
+    : plan_(plan), follow_(std::move(follow)) {
   subscriber_ = node.handle().subscribe<std_msgs::String>(
-      kRequests, 10, [this](const std_msgs::String::ConstPtr& message) { take(*message); });
+      kRequests, kQueue, [this](const std_msgs::String::ConstPtr& message) { take(*message); });
 }
 
 void RequestsReader::take(const std_msgs::String& message) {

@@ -22,15 +22,15 @@ namespace mapweave::ros_nodes {
 // A service std_srvs/Trigger that is asked for an end. The caller looks, now and then.
 class EndService {
  public:
-  EndService(std::string name, std::string what_ends) : name_(std::move(name)), what_ends_(std::move(what_ends)) {}
-  void register_at(RosNode& node);
+  EndService(RosNode& node, const std::string& name, std::string what_ends);
+  EndService(const EndService&) = delete;
+  EndService& operator=(const EndService&) = delete;
   bool is_asked() const { return is_asked_; }
 
  private:
   bool end(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
-  std::string name_, what_ends_;
+  const std::string what_ends_;
   std::atomic<bool> is_asked_{false};
-  ros::ServiceServer server_;
 };
 
 // undo_join (mapweave_msgs/UndoJoin) below the tier's name: two robots' maps are never matched to each other from then
@@ -43,9 +43,11 @@ class RequestsServer {
   using Preview = std::function<std::shared_ptr<const runtime::LivePreview>()>;
   // False: it is too late.
   using Follow = std::function<bool(const runtime::LiveRequests&)>;
-  RequestsServer(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
-                 std::filesystem::path file, Preview preview, Follow follow);
-  void register_at(RosNode& node);
+  struct Team {
+    const runtime::RunConfiguration& configuration;
+    const runtime::RunPlan& plan;
+  };
+  RequestsServer(RosNode& node, const Team& team, std::filesystem::path file, Preview preview, Follow follow);
 
  private:
   bool undo_join(mapweave_msgs::UndoJoin::Request& request, mapweave_msgs::UndoJoin::Response& response);
@@ -53,14 +55,12 @@ class RequestsServer {
   void take_pose_of_apart(const geometry_msgs::PoseWithCovarianceStamped& pose);
   void apply(runtime::LiveRequests requests);
 
-  const runtime::RunConfiguration& configuration_;
-  const runtime::RunPlan& plan_;
+  const Team team_;
   const std::filesystem::path file_;
   const Preview preview_;
   const Follow follow_;
   std::mutex mutex_;
   runtime::LiveRequests requests_;
-  ros::ServiceServer undo_;
   std::vector<ros::Subscriber> poses_;
   ros::Publisher publisher_;
 };
@@ -68,9 +68,7 @@ class RequestsServer {
 // Follows what a RequestsServer of another program publishes. Calls come on the node's thread.
 class RequestsReader {
  public:
-  RequestsReader(const runtime::RunPlan& plan, RequestsServer::Follow follow)
-      : plan_(plan), follow_(std::move(follow)) {}
-  void register_at(RosNode& node);
+  RequestsReader(RosNode& node, const runtime::RunPlan& plan, RequestsServer::Follow follow);
 
  private:
   void take(const std_msgs::String& message);

@@ -30,19 +30,14 @@ void NodeRole::begin(const app::Deployment& deployment, const std::string& name,
 }
 
 void NodeRole::turn(const Status& status) {
-  const bool is_anew = node_->is_forgotten();
-  if (!diagnostics_ || is_anew) {
-    diagnostics_.reset();
-    diagnostics_.emplace(node_->handle(), status);
-  }
-  if (is_anew) register_again();
+  if (!diagnostics_) diagnostics_.emplace(node_->handle(), status);
+  node_->keep();
 }
 
 void RobotNode::begin(const app::Deployment& deployment, const std::string& name, app::StopSignals& stops) {
   NodeRole::begin(deployment, name, stops);
   recorder_.emplace(node().handle(), planned(deployment, name), deployment.loaded.configuration);
-  end_.emplace(ros_name_of(name) + "/finish", "robot " + name + " ends its drive");
-  end_->register_at(node());
+  end_.emplace(node(), ros_name_of(name) + "/finish", "robot " + name + " ends its drive");
 }
 
 bool RobotNode::look(const app::StartingRobot&, const Status& status) {
@@ -55,17 +50,11 @@ void RobotNode::end_log() {
   if (recorder_) recorder_->finish();
 }
 
-void RobotNode::register_again() {
-  recorder_->subscribe_again();
-  end_->register_at(node());
-}
-
 bool EdgeNode::look(runtime::LiveEdge& edge, const Status& status) {
   turn(status);
   if (topics_) return false;
-  requests_.emplace(deployment().plan,
+  requests_.emplace(node(), deployment().plan,
                     [&edge](const runtime::LiveRequests& requests) { return edge.follow(requests); });
-  requests_->register_at(node());
   TierOfTeam tier{name(), {}, false};
   for (const runtime::PlannedRobot& robot : deployment().plan.robots)
     if (robot.edge.str() == name()) tier.robots.push_back(robot.id);
@@ -74,37 +63,26 @@ bool EdgeNode::look(runtime::LiveEdge& edge, const Status& status) {
   return false;
 }
 
-void EdgeNode::register_again() {
-  if (!topics_) return;
-  requests_->register_at(node());
-  topics_->register_again();
-}
-
 bool CloudNode::look(runtime::LiveCloud& cloud, const Status& status) {
   turn(status);
   if (!topics_) {
     const auto preview = [&cloud] { return cloud.preview(); };
-    requests_.emplace(deployment().loaded.configuration, deployment().plan, requests_file(deployment()), preview,
+    requests_.emplace(node(), RequestsServer::Team{deployment().loaded.configuration, deployment().plan},
+                      requests_file(deployment()), preview,
                       [&cloud](const runtime::LiveRequests& requests) { return cloud.follow(requests); });
-    end_.emplace("cloud/finish", "the cloud merges what is there");
+    end_.emplace(node(), "cloud/finish", "the cloud merges what is there");
     topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, TierOfTeam{name(), {}, true},
                     preview);
-    requests_->register_at(node());
-    end_->register_at(node());
   }
   return end_->is_asked();
 }
 
-void CloudNode::register_again() {
-  if (!topics_) return;
-  requests_->register_at(node());
-  topics_->register_again();
-  end_->register_at(node());
-}
-
 bool CoordinatorNode::look(runtime::LiveCoordinator& coordinator, const Status& status) {
   turn(status);
-  if (!plan_) register_again();
+  if (!plan_) {
+    node().serve("coordinator/replan", &CoordinatorNode::replan, this);
+    plan_ = node().handle().advertise<std_msgs::String>("coordinator/plan", 1, true);
+  }
   const runtime::LivePlan plan = coordinator.plan();
   if (plan.number != published_) {
     std_msgs::String message;
@@ -113,14 +91,6 @@ bool CoordinatorNode::look(runtime::LiveCoordinator& coordinator, const Status& 
     published_ = plan.number;
   }
   return is_asked_.exchange(false);
-}
-
-void CoordinatorNode::register_again() {
-  replan_.shutdown();
-  plan_.shutdown();
-  replan_ = node().handle().advertiseService("coordinator/replan", &CoordinatorNode::replan, this);
-  plan_ = node().handle().advertise<std_msgs::String>("coordinator/plan", 1, true);
-  published_ = 0;
 }
 
 bool CoordinatorNode::replan(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {

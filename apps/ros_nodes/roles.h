@@ -14,7 +14,7 @@
 
 namespace mapweave::ros_nodes {
 
-// What all have: the node, its diagnostics, and registering anew where the ROS master was started again.
+// What all have: the node, and its diagnostics.
 class NodeRole : public app::RoleExtension {
  public:
   void begin(const app::Deployment& deployment, const std::string& name, app::StopSignals& stops) override;
@@ -23,7 +23,6 @@ class NodeRole : public app::RoleExtension {
   const app::Deployment& deployment() const { return *deployment_; }
   const std::string& name() const { return name_; }
   RosNode& node() { return *node_; }
-  virtual void register_again() = 0;
   void turn(const Status& status);
 
  private:
@@ -43,7 +42,6 @@ class RobotNode : public NodeRole {
   void end_log() override;
 
  private:
-  void register_again() override;
   std::optional<TopicRecorder> recorder_;
   std::optional<EndService> end_;
 };
@@ -55,7 +53,6 @@ class EdgeNode : public NodeRole {
   bool shows_maps() const override { return true; }
 
  private:
-  void register_again() override;
   std::optional<RequestsReader> requests_;
   std::optional<TierTopics> topics_;
 };
@@ -68,7 +65,6 @@ class CloudNode : public NodeRole {
   bool shows_maps() const override { return true; }
 
  private:
-  void register_again() override;
   std::optional<RequestsServer> requests_;
   std::optional<TierTopics> topics_;
   std::optional<EndService> end_;
@@ -81,11 +77,9 @@ class CoordinatorNode : public NodeRole {
   bool look(runtime::LiveCoordinator& coordinator, const Status& status) override;
 
  private:
-  void register_again() override;
   bool replan(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
   std::atomic<bool> is_asked_{false};
   std::uint64_t published_ = 0;
-  ros::ServiceServer replan_;
   ros::Publisher plan_;
 };
 

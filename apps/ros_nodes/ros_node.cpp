@@ -2,6 +2,11 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
+#include <ros/connection_manager.h>
+#include <ros/network.h>
+#include <ros/publication.h>
+#include <ros/topic_manager.h>
+#include <ros/xmlrpc_manager.h>
 
 namespace mapweave::ros_nodes {
 namespace {
@@ -25,6 +30,19 @@ void wait_for_master(app::StopSignals& stops) {
   }
 }
 
+// Says to this node what a master says when publishers come.
+void connect(const std::string& topic, const XmlRpc::XmlRpcValue& publishers) {
+  std::string host;
+  std::uint32_t port = 0;
+  if (!ros::network::splitURI(ros::XMLRPCManager::instance()->getServerURI(), host, port)) return;
+  XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
+  XmlRpc::XmlRpcValue request, response;
+  request[0] = ros::this_node::getName();
+  request[1] = topic;
+  request[2] = publishers;
+  client.execute("publisherUpdate", request, response);
+}
+
 }  // namespace
 
 bool is_node_of_mapweave(const std::string& node) {
@@ -46,15 +64,43 @@ RosNode::~RosNode() {
   ros::param::del(ros::this_node::getName() + "/" + kMark);
 }
 
-bool RosNode::is_forgotten() {
-  if (Clock::now() < next_) return false;
+void RosNode::keep() {
+  if (Clock::now() < next_) return;
   next_ = Clock::now() + 1s;
   XmlRpc::XmlRpcValue request, response, payload;
   request[0] = request[1] = ros::this_node::getName();
-  if (!ros::master::check() || ros::master::execute("lookupNode", request, response, payload, false)) return false;
+  if (!ros::master::check() || ros::master::execute("lookupNode", request, response, payload, false)) return;
   log(LogLevel::warning, "the ROS master was started again; this node registers anew");
-  ros::param::set(ros::this_node::getName() + "/" + kMark, true);
-  return true;
+  register_again();
+}
+
+void RosNode::register_again() const {
+  const std::string us = ros::this_node::getName(), our_uri = ros::XMLRPCManager::instance()->getServerURI();
+  const auto ask = [&](const char* what, const std::string& name, const std::string& more) {
+    XmlRpc::XmlRpcValue request, response, payload;
+    request[0] = us;
+    request[1] = name;
+    request[2] = more;
+    request[3] = our_uri;
+    ros::master::execute(what, request, response, payload, false);
+    return payload;
+  };
+  ros::param::set(us + "/" + kMark, true);
+  const ros::TopicManagerPtr& topics = ros::TopicManager::instance();
+  ros::V_string names;
+  topics->getAdvertisedTopics(names);
+  for (const std::string& name : names)
+    if (const ros::PublicationPtr publication = topics->lookupPublication(name))
+      ask("registerPublisher", name, publication->getDataType());
+  names.clear();
+  topics->getSubscribedTopics(names);
+  for (const std::string& name : names) {
+    XmlRpc::XmlRpcValue publishers = ask("registerSubscriber", name, "*");
+    if (publishers.getType() == XmlRpc::XmlRpcValue::TypeArray && publishers.size() > 0) connect(name, publishers);
+  }
+  const std::string service_uri =
+      "rosrpc://" + ros::network::getHost() + ":" + std::to_string(ros::ConnectionManager::instance()->getTCPPort());
+  for (const ros::ServiceServer& service : services_) ask("registerService", service.getService(), service_uri);
 }
 
 }  // namespace mapweave::ros_nodes

@@ -1,7 +1,6 @@
 #pragma once
 // A program of mapweave as a node of ROS.
 
-#include <mapweave/core/error.h>
 #include <ros/ros.h>
 #include <ros/spinner.h>
 #include <stop_signals.h>
@@ -9,6 +8,7 @@
 #include <chrono>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace mapweave::ros_nodes {
 
@@ -25,13 +25,21 @@ class RosNode {
   RosNode& operator=(const RosNode&) = delete;
 
   ros::NodeHandle& handle() { return *handle_; }
-  // Whether the master was started again since the last call, and knows nothing of this node: who publishes, subscribes
-  // or serves has to do it anew. Asks it once a second.
-  bool is_forgotten();
+  // As NodeHandle::advertiseService.
+  template <class Server, class Request, class Response>
+  void serve(const std::string& name, bool (Server::*answer)(Request&, Response&), Server* server) {
+    services_.push_back(handle_->advertiseService(name, answer, server));
+  }
+  // Now and then: where the master was started again, registers with it what this node publishes, subscribes to and
+  // serves. Connections that are there stay.
+  void keep();
 
  private:
+  void register_again() const;
+
   std::optional<ros::NodeHandle> handle_;
   std::optional<ros::AsyncSpinner> spinner_;
+  std::vector<ros::ServiceServer> services_;
   std::chrono::steady_clock::time_point next_{};
 };
 

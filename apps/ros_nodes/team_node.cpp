@@ -54,9 +54,6 @@ class Recorders {
   void look() {
     for (auto& [robot, recorder] : by_robot_) recorder->look();
   }
-  void subscribe_again() {
-    for (auto& [robot, recorder] : by_robot_) recorder->subscribe_again();
-  }
   void finish(const RobotId& robot) { by_robot_.at(robot)->finish(); }
   void finish() {
     for (auto& [robot, recorder] : by_robot_) recorder->finish();
@@ -70,15 +67,15 @@ class Recorders {
 class TeamTopics {
  public:
   TeamTopics(RosNode& node, app::LocalTeam& team, const fs::path& store)
-      : node_(node),
-        requests_(
-            team.configuration(), team.plan(), store / "requests.json", [&team] { return team.cloud().preview(); },
+      : requests_(
+            node, {team.configuration(), team.plan()}, store / "requests.json",
+            [&team] { return team.cloud().preview(); },
             [&team](const runtime::LiveRequests& requests) {
               bool is_in_time = team.cloud().follow(requests);
               for (const TierId& edge : team.plan().edges) is_in_time = team.edge(edge).follow(requests) && is_in_time;
               return is_in_time;
             }),
-        end_("team/finish", "all robots end their drives") {
+        end_(node, "team/finish", "all robots end their drives") {
     for (const TierId& edge : team.plan().edges) {
       TierOfTeam tier{edge.str(), {}, false};
       for (const runtime::PlannedRobot& robot : team.plan().robots)
@@ -91,26 +88,15 @@ class TeamTopics {
                                                   [&team] { return team.cloud().preview(); }));
     for (const runtime::PlannedRobot& robot : team.plan().robots) {
       const std::string name = RosNames({robot.id.str()}).of(robot.id.str());
-      robots_[robot.id] = std::make_unique<EndService>(name + "/finish", "robot " + robot.id.str() + " ends its drive");
+      robots_[robot.id] =
+          std::make_unique<EndService>(node, name + "/finish", "robot " + robot.id.str() + " ends its drive");
     }
-    register_services();
   }
 
-  void register_again() {
-    for (const auto& tier : tiers_) tier->register_again();
-    register_services();
-  }
   bool is_end_asked() const { return end_.is_asked(); }
   bool is_end_asked(const RobotId& robot) const { return robots_.at(robot)->is_asked(); }
 
  private:
-  void register_services() {
-    requests_.register_at(node_);
-    end_.register_at(node_);
-    for (const auto& entry : robots_) entry.second->register_at(node_);
-  }
-
-  RosNode& node_;
   RequestsServer requests_;
   EndService end_;
   std::map<RobotId, std::unique_ptr<EndService>> robots_;
@@ -146,7 +132,7 @@ ExitCode serve_team(const TeamArguments& arguments) {
     page = app::show_page(team.configuration().live.page_host, arguments.port, std::move(source), *progress);
   }
   TeamTopics topics(node, team, store);
-  auto diagnostics = std::make_unique<DiagnosticsPublisher>(node.handle(), status);
+  const DiagnosticsPublisher diagnostics(node.handle(), status);
   progress->say("it waits for the topics of " + std::to_string(team.robots().size()) +
                 " robots; Ctrl-C ends the drives and writes the map, and again ends at once");
   const runtime::Report report = app::wait_for_results(
@@ -156,11 +142,7 @@ ExitCode serve_team(const TeamArguments& arguments) {
         team.end();
       },
       [&] {
-        if (node.is_forgotten()) {
-          recorders.subscribe_again();
-          topics.register_again();
-          diagnostics = std::make_unique<DiagnosticsPublisher>(node.handle(), status);
-        }
+        node.keep();
         for (const runtime::PlannedRobot& robot : team.plan().robots)
           if (topics.is_end_asked(robot.id)) recorders.finish(robot.id);
         recorders.look();

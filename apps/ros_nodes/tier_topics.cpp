@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
-#include <optional>
 #include <thread>
 #include <utility>
 
@@ -33,9 +32,11 @@ std::vector<std::string> names_in(const runtime::RunPlan& plan) {
 }
 
 // Where odometry and base are, where nobody says otherwise.
-PublishedRobot published(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot) {
+PublishedRobot published(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot,
+                         const RosNames& names) {
   const rawlog::ReadOptions& reading = configuration_of(all, robot).reading;
-  const std::string space = namespace_of(all, robot), prefix = space.empty() ? "" : space + "/";
+  const std::string prefix =
+      (reading.robot_namespace.empty() ? names.of(robot.id.str()) : reading.robot_namespace) + "/";
   PublishedRobot one;
   one.robot = robot.id;
   one.odometry_topic = prefix + "odom";
@@ -56,28 +57,27 @@ MapPublisherOptions publisher_options(const runtime::RunConfiguration& configura
   options.cloud = configuration.output.cloud;
   for (const runtime::PlannedRobot& robot : plan.robots)
     if (std::find(tier.robots.begin(), tier.robots.end(), robot.id) != tier.robots.end())
-      options.robots.push_back(published(configuration, robot));
+      options.robots.push_back(published(configuration, robot, names));
   return options;
 }
 
 }  // namespace
 
-std::string namespace_of(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot) {
-  const rawlog::ReadOptions& reading = configuration_of(all, robot).reading;
-  return reading.robot_namespace.empty() ? robot.id.str() : reading.robot_namespace;
-}
-
 class TierTopics::State {
  public:
   State(RosNode& node, const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan, TierOfTeam tier,
         Preview preview)
-      : node_(node),
-        configuration_(configuration),
+      : configuration_(configuration),
         tier_(std::move(tier)),
         preview_(std::move(preview)),
         names_(names_in(plan)),
-        options_(publisher_options(configuration, plan, tier_, names_)) {
-    register_again();
+        options_(publisher_options(configuration, plan, tier_, names_)),
+        publisher_(node.handle(), names_, options_, pool_) {
+    const std::string prefix = names_.of(tier_.name) + "/";
+    loaded_ = node.handle().advertise<nav_msgs::OccupancyGrid>(prefix + "loaded_map", 1, true);
+    node.serve(prefix + "save_map", &State::save_map, this);
+    node.serve(prefix + "load_map", &State::load_map, this);
+    node.serve(prefix + "static_map", &State::static_map, this);
     drawer_ = std::thread([this] { draw(); });
   }
 
@@ -90,27 +90,12 @@ class TierTopics::State {
     drawer_.join();
   }
 
-  void register_again() {
-    const std::lock_guard drawing(drawing_);
-    const std::string prefix = names_.of(tier_.name) + "/";
-    publisher_.emplace(node_.handle(), names_, options_, pool_);
-    loaded_.shutdown();
-    loaded_ = node_.handle().advertise<nav_msgs::OccupancyGrid>(prefix + "loaded_map", 1, true);
-    services_.clear();
-    services_.push_back(node_.handle().advertiseService(prefix + "save_map", &State::save_map, this));
-    services_.push_back(node_.handle().advertiseService(prefix + "load_map", &State::load_map, this));
-    services_.push_back(node_.handle().advertiseService(prefix + "static_map", &State::static_map, this));
-  }
-
  private:
   void draw() {
     std::unique_lock lock(mutex_);
     while (!ends_) {
       lock.unlock();
-      {
-        const std::lock_guard drawing(drawing_);
-        publisher_->publish(preview_());
-      }
+      publisher_.publish(preview_());
       lock.lock();
       changed_.wait_for(lock, kBetweenLooks, [&] { return ends_; });
     }
@@ -172,17 +157,14 @@ class TierTopics::State {
     });
   }
 
-  RosNode& node_;
   const runtime::RunConfiguration& configuration_;
   const TierOfTeam tier_;
   const Preview preview_;
   const RosNames names_;
   const MapPublisherOptions options_;
   WorkerPool pool_{1};
-  std::mutex drawing_;  // publisher_ is used, or made anew
-  std::optional<MapPublisher> publisher_;
+  MapPublisher publisher_;
   ros::Publisher loaded_;
-  std::vector<ros::ServiceServer> services_;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool ends_ = false;
@@ -193,6 +175,5 @@ TierTopics::TierTopics(RosNode& node, const runtime::RunConfiguration& configura
                        TierOfTeam tier, Preview preview)
     : state_(std::make_unique<State>(node, configuration, plan, std::move(tier), std::move(preview))) {}
 TierTopics::~TierTopics() = default;
-void TierTopics::register_again() { state_->register_again(); }
 
 }  // namespace mapweave::ros_nodes

@@ -20,9 +20,6 @@ struct TierOfTeam {
   bool shows_team_frame = true;  // team -> ROBOT/map; else ROBOT/map -> TIER/team, since another tier shows it
 };
 
-// The namespace of a robot's topics: as the configuration says, else its id.
-std::string namespace_of(const runtime::RunConfiguration&, const runtime::PlannedRobot&);
-
 // Services, below the tier's name: save_map (map_msgs/SaveMap: a folder for map.png, map.pgm, map.yaml, map.pcd and
 // trajectories), load_map (nav_msgs/LoadMap: a YAML file of map_server, which is returned and shown as loaded_map),
 // static_map (nav_msgs/GetMap: the largest map so far). A thread of its own draws maps.
@@ -34,7 +31,6 @@ class TierTopics {
   TierTopics(RosNode& node, const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
              TierOfTeam tier, Preview preview);
   ~TierTopics();
-  void register_again();  // after the ROS master was started again
 
  private:
   class State;

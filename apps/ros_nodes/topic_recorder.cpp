@@ -28,7 +28,6 @@ constexpr auto kBetweenLooks = 500ms;
 constexpr auto kSettled = 2s;
 constexpr auto kPatience = 15s;
 constexpr std::uint32_t kQueue = 10'000;  // messages of a topic, while the disk is slow
-constexpr std::int64_t kBack_ns = 1'000'000'000;
 
 // Known by their definitions, which other programs need to read the recording.
 const std::map<std::string, std::string>& definitions() {
@@ -81,23 +80,19 @@ TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& 
       log_(robot.log),
       reading_(configuration_of(configuration, robot).reading),
       sensor_(configuration_of(configuration, robot).sensor),
-      space_(reading_.robot_namespace) {
+      window_ns_(static_cast<std::int64_t>(reading_.reorder_window_s * 1e9)),
+      is_alone_(configuration.robots.size() == 1) {
   std::error_code ignored;
   if (!std::filesystem::exists(log_, ignored)) return;
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_);
   log(LogLevel::info, "robot " + robot_.str() + " goes on with the recording " + log_.string());
-  newest_ns_.resize(recorder_->topics().size());
+  expect_topics();
   subscribe();
 }
 
 bool TopicRecorder::is_recording() const {
   const std::lock_guard lock(mutex_);
   return recorder_ != nullptr;
-}
-
-void TopicRecorder::subscribe_again() {
-  const std::lock_guard lock(mutex_);
-  if (recorder_ && !recorder_->is_finished()) subscribe();
 }
 
 void TopicRecorder::look() {
@@ -128,7 +123,7 @@ std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() 
   if (names != last_seen_) seen_since_ = now;
   last_seen_ = std::move(names);
   rawlog::ReadOptions reading = reading_;
-  if (reading.robot_namespace.empty() && has_own) reading.robot_namespace = robot_.str();
+  if (reading.robot_namespace.empty() && (has_own || !is_alone_)) reading.robot_namespace = robot_.str();
   const std::string prefix = reading.robot_namespace.empty() ? "/" : "/" + reading.robot_namespace + "/";
   const bool has_range = std::any_of(there.begin(), there.end(), [&](const rawlog::RecordedTopic& topic) {
     return is_of_range(topic.type) && has_prefix(topic.name, prefix);
@@ -148,7 +143,6 @@ std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() 
     }
     return std::nullopt;
   }
-  space_ = reading.robot_namespace;
   return topics_to_record(there, reading, with_cameras, "robot " + robot_.str());
 }
 
@@ -156,9 +150,14 @@ void TopicRecorder::begin(std::vector<rawlog::RecordedTopic> topics) {
   std::string names;
   for (const rawlog::RecordedTopic& topic : topics) names += (names.empty() ? "" : ", ") + topic.name;
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_, std::move(topics));
-  newest_ns_.resize(recorder_->topics().size());
+  expect_topics();
   log(LogLevel::info, "robot " + robot_.str() + " records " + names + " into " + log_.string());
   subscribe();
+}
+
+void TopicRecorder::expect_topics() {
+  newest_ns_.assign(recorder_->topics().size(), 0);
+  is_repeated_.assign(recorder_->topics().size(), false);
 }
 
 void TopicRecorder::subscribe() {
@@ -190,14 +189,16 @@ void TopicRecorder::take(std::size_t topic, const Message& message) {
                                      static_cast<std::uint32_t>(bytes.size()));
   shape.write(stream);
   if (const auto stamp_ns = stamp_of(of.type, bytes)) {
-    if (*stamp_ns < newest_ns_[topic] - kBack_ns) {
+    const std::int64_t newest_ns = newest_ns_[topic];
+    is_repeated_[topic] = *stamp_ns <= newest_ns && (is_repeated_[topic] || *stamp_ns < newest_ns - window_ns_);
+    if (is_repeated_[topic]) {
       if (repeated_++ == 0)
         log(LogLevel::warning, "robot " + robot_.str() + ": the stamps of " + of.name +
                                    " jumped back; what comes is left out until they are newer again (a bag that is "
                                    "played in a loop is mapped once)");
       return;
     }
-    newest_ns_[topic] = std::max(newest_ns_[topic], *stamp_ns);
+    newest_ns_[topic] = std::max(newest_ns, *stamp_ns);
   }
   received_ = Clock::now();
   try {

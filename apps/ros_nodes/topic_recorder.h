@@ -30,14 +30,11 @@ class TopicRecorder {
   TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& robot,
                 const runtime::RunConfiguration& configuration);
 
-  // The master was started again: subscribes anew.
-  void subscribe_again();
   // Now and then: looks for the robot's topics, and begins once they are there and no new ones come. Throws Error:
   // kBadInput where it is not clear which topics it should take, and kCannotWrite where the disk is full.
   void look();
   bool is_recording() const;
-  void finish();                                                 // what comes later is left out
-  const std::string& robot_namespace() const { return space_; }  // "alpha"; empty: none. Once it records
+  void finish();  // what comes later is left out
   RecorderCounts counts() const;
 
  private:
@@ -45,6 +42,7 @@ class TopicRecorder {
   using Message = ros::MessageEvent<topic_tools::ShapeShifter const>;
   std::optional<std::vector<rawlog::RecordedTopic>> found_topics();
   void begin(std::vector<rawlog::RecordedTopic> topics);
+  void expect_topics();
   void subscribe();
   void take(std::size_t topic, const Message& message);
   bool is_of_mapweave(const std::string& publisher);
@@ -54,13 +52,15 @@ class TopicRecorder {
   const std::filesystem::path log_;
   const rawlog::ReadOptions reading_;
   const std::string sensor_;
-  std::string space_;
+  const std::int64_t window_ns_;
+  const bool is_alone_;  // its topics may be in no namespace
 
   mutable std::mutex mutex_;
   std::unique_ptr<rawlog::RosRecorder> recorder_;  // null: it waits for topics
   std::vector<ros::Subscriber> subscribers_;
   std::vector<std::string> last_seen_;  // topics, while they still come
   Clock::time_point seen_since_{}, next_look_{}, received_{}, warned_{};
+  std::vector<bool> is_repeated_;           // by topic: its stamps jumped back
   std::vector<std::int64_t> newest_ns_;     // stamps, by topic
   std::map<std::string, bool> publishers_;  // whether they are programs of mapweave
   std::uint64_t repeated_ = 0;

@@ -1,0 +1,296 @@
+"""Nodes of ROS 1 on this machine: what robots publish becomes the map of the recording, whatever is killed meanwhile."""
+import os
+import pathlib
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import time
+import unittest
+
+import ros1_bags
+import support
+
+PYTHON = "/usr/bin/python3"
+HERE = pathlib.Path(__file__).resolve().parent
+NODES = support.PROGRAM.parent / "mapweave_ros"
+SHIFTS = {"tb0": 0.0, "tb1": 0.8}
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def missing():
+    if not NODES.exists():
+        return "this build has no nodes of ROS"
+    probe = "import rospy, rosmaster, std_srvs.srv, nav_msgs.srv, map_msgs.srv, tf2_msgs.msg, visualization_msgs.msg, diagnostic_msgs.msg"
+    done = subprocess.run([PYTHON, "-c", probe], capture_output=True, text=True, check=False)
+    return done.stderr.strip().splitlines()[-1] if done.returncode else ""
+
+
+def drives(robots=SHIFTS, scans=40):
+    """What all robots publish, in the order of stamps."""
+    messages = [message for robot, shift in robots.items() for message in ros1_bags.drive(scans, robot, shift)]
+    return sorted(messages, key=lambda message: message[2])
+
+
+class RosNodes(support.Scenario):
+    def setUp(self):
+        why = missing()
+        if why:
+            self.skipTest(why)
+        super().setUp()
+        self.port = free_port()
+        self.variables = support.environment() | {
+            "ROS_MASTER_URI": f"http://127.0.0.1:{self.port}", "ROS_IP": "127.0.0.1", "ROS_HOME": str(self.folder / "ros_home"),
+            "PYTHONPATH": str(NODES.parent.parent / "lib/python3"), "PYTHONUNBUFFERED": "1"}
+        self.start_master()
+
+    def start_master(self):
+        self.master = self.begin("rosmaster", "--core", "-p", self.port)
+        self.await_(lambda: self.run_python("import rosgraph; rosgraph.Master('/t').getPid()", check=False).returncode == 0, "the master")
+
+    def begin(self, *command, **variables):
+        name = pathlib.Path(str(command[0])).name + str(len(list(self.folder.glob("*.log"))))
+        log = (self.folder / f"{name}.log").open("w+")
+        process = subprocess.Popen([str(word) for word in command], cwd=self.folder, env=self.variables | variables, text=True,
+                                   stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT)
+        process.log = self.folder / f"{name}.log"
+
+        def end():
+            process.poll() is None and process.kill()
+            process.wait()
+            process.stdin.close()
+            log.close()
+        self.addCleanup(end)
+        return process
+
+    def await_(self, condition, what, seconds=60):
+        end = time.time() + seconds * support.PATIENCE
+        while not condition():
+            self.assertLess(time.time(), end, f"{what}\n" + "\n".join(f"--- {path.name}\n{path.read_text()[-3000:]}" for path in self.folder.glob("*.log")))
+            time.sleep(0.05)
+
+    def run_python(self, code, check=True, seconds=60):
+        done = subprocess.run([PYTHON, "-c", code], cwd=self.folder, env=self.variables, capture_output=True, text=True,
+                              timeout=seconds * support.PATIENCE, check=False)
+        if check:
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        return done
+
+    def call(self, service, kind, arguments=""):
+        """What a service answers, as text."""
+        package, name = kind.split("/")
+        return self.run_python(f"import rospy; from {package}.srv import {name}\nrospy.init_node('caller', anonymous=True)\n"
+                               f"rospy.wait_for_service('{service}', 20)\nprint(rospy.ServiceProxy('{service}', {name})({arguments}))").stdout
+
+    def play(self, messages, speed=4.0, subscribers=1, *modes):
+        (self.folder / "messages").write_bytes(pickle.dumps(messages))
+        return self.begin(PYTHON, "-B", HERE / "ros_player.py", "messages", speed, subscribers, MAPWEAVE_PLAYER=" ".join(modes))
+
+    def has_said(self, process, words):
+        return words in process.log.read_text()
+
+    def await_word(self, process, words):
+        self.await_(lambda: self.has_said(process, words), words)
+
+    def team(self, *more, robots=SHIFTS):
+        return self.begin(NODES, "team", *robots, "--out", "maps", "--port", "-1", "--set", "live.preview_period_s=0.5", *more)
+
+    def finish(self, node):
+        self.assertIn("success: True", self.call("/team/finish", "std_srvs/Trigger"))
+        node.wait(120 * support.PATIENCE)
+        self.assertEqual(node.returncode, 0, node.log.read_text())
+
+    def same_as_batch(self, scans):
+        """The map is that of a run of what was recorded."""
+        self.mapweave("run", "maps.logs/run.yaml", "--out", "batch")
+        for name in ["team/map.pgm", "team/map.mwdb", "robots/tb0/map.pgm", "robots/tb1/trajectory.tum"]:
+            self.assertEqual((self.folder / "maps" / name).read_bytes(), (self.folder / "batch" / name).read_bytes(), name)
+        for robot in self.read_json("maps/summary.json")["robots"]:
+            self.assertEqual(robot["scans"], scans, robot["id"])
+
+    def test_what_robots_publish_becomes_the_map_of_the_recording(self):
+        node = self.team()
+        player = self.play(drives(), 4.0, 1, "keep")
+        self.await_word(player, "ended")
+        self.finish(node)
+        player.stdin.close()
+        self.same_as_batch(40)
+
+    def test_maps_topics_and_services_show_the_same_cells(self):
+        node = self.team()
+        player = self.play(drives(), 8.0, 1, "keep")
+        self.await_word(player, "ended")
+        self.await_(lambda: "joined" in self.diagnostics() or "tb0 + tb1" in node.log.read_text(), "a joint preview")
+        time.sleep(3.0)  # nothing comes any more: previews stay as they are
+        self.call("/cloud/save_map", "map_msgs/SaveMap", f"__import__('std_msgs.msg').msg.String('{self.folder}/saved')")
+        cells = self.run_python("""
+import rospy, sys
+from nav_msgs.msg import OccupancyGrid
+rospy.init_node('saver', anonymous=True)
+grid = rospy.wait_for_message('/cloud/map', OccupancyGrid, 20)
+w, h = grid.info.width, grid.info.height
+shades = {0: 254, 100: 0, -1: 205}
+rows = [bytes(shades[c] for c in grid.data[y * w:(y + 1) * w]) for y in reversed(range(h))]
+open('seen.pgm', 'wb').write(b'P5\\n%d %d\\n255\\n' % (w, h) + b''.join(rows))
+print(grid.header.frame_id)
+""").stdout
+        self.assertEqual(cells.strip(), "team")
+        pixels = (self.folder / "seen.pgm").read_bytes()
+        self.assertEqual(pixels[-20000:], (self.folder / "saved/map.pgm").read_bytes()[-20000:])
+        self.assertIn("width", self.call("/cloud/static_map", "nav_msgs/GetMap"))
+        self.assertIn("result: 0", self.call("/cloud/load_map", "nav_msgs/LoadMap", f"'{self.folder}/saved/map.yaml'"))
+        self.assertIn("result: 2", self.call("/cloud/load_map", "nav_msgs/LoadMap", "'nothing.yaml'"))
+        frames = self.run_python("""
+import math, rospy, time
+from tf2_msgs.msg import TFMessage
+rospy.init_node('listener', anonymous=True)
+links = {}
+def take(message):
+    for one in message.transforms:
+        t = one.transform
+        links[one.header.frame_id, one.child_frame_id] = (t.translation.x, t.translation.y, 2 * math.atan2(t.rotation.z, t.rotation.w))
+rospy.Subscriber('/tf', TFMessage, take)
+wanted = [link for robot in ('tb0', 'tb1') for link in (('team', robot + '/map'), (robot + '/map', 'odom'))]
+end = time.time() + 20
+while time.time() < end and not all(link in links for link in wanted[:2]):
+    time.sleep(0.1)
+time.sleep(1)
+for robot in ('tb0', 'tb1'):
+    print(*(round(value, 3) for value in links['team', robot + '/map']))
+""").stdout.splitlines()
+        # Where they began, by the truth: tb1 0.8 m ahead of tb0.
+        one, other = ([float(value) for value in line.split()] for line in frames)
+        self.assertAlmostEqual(other[0] - one[0], 0.8, delta=0.05)
+        self.assertAlmostEqual(other[1] - one[1], 0.0, delta=0.05)
+        self.assertAlmostEqual(other[2] - one[2], 0.0, delta=0.02)
+        self.finish(node)
+
+    def diagnostics(self):
+        return self.run_python("""
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+rospy.init_node('reader', anonymous=True)
+print(rospy.wait_for_message('/diagnostics', DiagnosticArray, 20))
+""").stdout
+
+    def test_a_killed_node_goes_on_with_what_it_recorded(self):
+        node = self.team()
+        player = self.play(drives(scans=60), 4.0, 1, "keep")
+        self.await_word(player, "begins")
+        time.sleep(1.0)
+        node.kill()
+        node.wait()
+        again = self.team()
+        self.await_word(again, "goes on with the recording")
+        self.await_word(player, "ended")
+        self.finish(again)
+        for robot in self.read_json("maps/summary.json")["robots"]:
+            self.assertGreater(robot["scans"], 40)
+        self.mapweave("run", "maps.logs/run.yaml", "--out", "batch")
+        self.assertEqual((self.folder / "maps/team/map.pgm").read_bytes(), (self.folder / "batch/team/map.pgm").read_bytes())
+
+    def test_a_killed_master_stops_nothing_and_a_new_one_knows_the_nodes(self):
+        node = self.team()
+        player = self.play(drives(), 4.0, 1, "keep")
+        self.await_word(player, "begins")
+        time.sleep(0.5)
+        self.master.kill()
+        self.master.wait()
+        time.sleep(0.5)
+        self.start_master()
+        self.await_word(player, "ended")
+        self.await_word(node, "registers anew")
+        self.finish(node)
+        self.same_as_batch(40)
+
+    def test_a_recording_that_is_played_in_a_loop_counts_once(self):
+        node = self.team()
+        player = self.play(drives(), 8.0, 1, "keep", "again", "clock")
+        self.await_word(player, "ended")
+        self.assertIn("jumped back", node.log.read_text())
+        self.finish(node)
+        self.same_as_batch(40)
+
+    def test_transforms_may_come_late(self):
+        late = [(topic, kind, stamp + 1.5 if topic == "/tf_static" else stamp, data) for topic, kind, stamp, data in drives()]
+        node = self.team()
+        player = self.play(sorted(late, key=lambda message: message[2]), 4.0, 1, "keep")
+        self.await_word(player, "ended")
+        self.finish(node)
+        self.same_as_batch(40)
+
+    def test_users_undo_a_join_and_give_a_pose(self):
+        node = self.team()
+        player = self.play(drives(), 8.0, 1, "keep")
+        self.await_word(node, "one map of tb0 + tb1")
+        self.assertIn("no robot 'tb9'", self.call("/cloud/undo_join", "mapweave_msgs/UndoJoin", "'tb0', 'tb9'"))
+        self.run_python("""
+import rospy
+from geometry_msgs.msg import PoseWithCovarianceStamped
+rospy.init_node('giver', anonymous=True)
+publisher = rospy.Publisher('/tb1/initialpose', PoseWithCovarianceStamped, queue_size=1, latch=True)
+pose = PoseWithCovarianceStamped(); pose.header.frame_id = 'team'; pose.pose.pose.position.x = 1.0; pose.pose.pose.orientation.w = 1.0
+publisher.publish(pose); rospy.sleep(1.0)
+""")
+        self.await_word(node, "its pose in the team's map was given")
+        self.assertIn("success: True", self.call("/cloud/undo_join", "mapweave_msgs/UndoJoin", "'tb0', 'tb1'"))
+        self.await_word(player, "ended")
+        self.assertIn("success: True", self.call("/team/finish", "std_srvs/Trigger"))
+        node.wait(120 * support.PATIENCE)
+        self.assertEqual(node.returncode, support.APART, node.log.read_text())
+        self.assertEqual(self.read_json("maps/merges.json")[0]["decision"], "refused")
+
+    def test_a_robot_that_never_comes_is_named_and_the_others_are_mapped(self):
+        node = self.team(robots=[*SHIFTS, "tb2"])
+        player = self.play(drives(), 8.0, 1, "keep")
+        self.await_word(player, "ended")
+        self.assertIn("success: True", self.call("/team/finish", "std_srvs/Trigger"))
+        node.wait(120 * support.PATIENCE)
+        self.assertIn("has sensed nothing", node.log.read_text())
+        self.assertTrue((self.folder / "maps/team/map.pgm").exists())
+
+    def test_programs_of_a_deployment_are_nodes_too(self):
+        import serve_test
+        if serve_test.BROKER is None:
+            self.skipTest("needs nats-server")
+        port = free_port()
+        broker = self.begin(serve_test.BROKER, "-js", "-a", "127.0.0.1", "-p", port, "-sd", self.folder / "broker")
+        self.await_word(broker, "Server is ready")
+        self.write("team.yaml", f"""
+robots:
+  - {{id: tb0, log: logs/tb0.mcap, edge: north}}
+  - {{id: tb1, log: logs/tb1.mcap, edge: south}}
+live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
+""")
+        cloud = self.begin(NODES, "cloud", "team.yaml", "--out", "maps")
+        edges = [self.begin(NODES, "edge", "team.yaml", "--name", name) for name in ("north", "south")]
+        robots = [self.begin(NODES, "robot", "team.yaml", "--name", name) for name in SHIFTS]
+        player = self.play(drives(), 4.0, 1, "keep")
+        self.await_word(player, "ended")
+        self.assertIn("tb0", self.run_python("""
+import rospy
+from nav_msgs.msg import OccupancyGrid
+rospy.init_node('looker', anonymous=True)
+print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).header.frame_id, rospy.wait_for_message('/north/map', OccupancyGrid, 20).header.frame_id)
+""").stdout)
+        for robot in SHIFTS:
+            self.call(f"/{robot}/finish", "std_srvs/Trigger")
+        for process in [cloud, *edges, *robots]:
+            process.wait(120 * support.PATIENCE)
+        done = self.mapweave("run", "team.yaml", "--out", "batch", code=(0, support.APART))
+        for process in [*edges, *robots]:
+            self.assertEqual(process.returncode, 0, process.log.read_text())
+        self.assertEqual(cloud.returncode, done.returncode, cloud.log.read_text())
+        for result in [*(self.folder / "batch").glob("team*/map.mwdb"), *(self.folder / "batch/robots").glob("*/map.mwdb")]:
+            live = self.folder / "maps" / result.relative_to(self.folder / "batch")
+            self.assertEqual(live.read_bytes(), result.read_bytes(), result)
+
+
+if __name__ == "__main__":
+    support.main()
