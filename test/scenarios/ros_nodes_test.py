@@ -210,6 +210,7 @@ print(rospy.wait_for_message('/diagnostics', DiagnosticArray, 20))
         self.same_as_batch(40)
 
     def test_a_recording_that_is_played_in_a_loop_counts_once(self):
+        self.run_python("import rosgraph; rosgraph.Master('/t').setParam('/use_sim_time', True)")
         node = self.team()
         player = self.play(drives(), 8.0, 1, "keep", "again", "clock")
         self.await_word(player, "ended")

@@ -1,0 +1,51 @@
+"""Publishes pickled messages over ROS as they were sensed, and measures how soon a scan is in its robot's map:  ros_drive.py FILE SPEED
+
+Messages: (topic, type, seconds, serialized), by time. Begins once each scan and odometry topic has a subscriber. Prints JSON: median_s, p95_s and longest_s from the publication of a
+scan to the arrival of the robot's path that has a pose of its stamp, or of a later one.
+"""
+import collections
+import json
+import pickle
+import sys
+import threading
+import time
+
+import roslib.message
+import rospy
+from nav_msgs.msg import Path
+
+with open(sys.argv[1], "rb") as file:
+    MESSAGES = pickle.load(file)
+SPEED = float(sys.argv[2])
+rospy.init_node("drive", anonymous=True, disable_signals=True)
+classes = {kind: roslib.message.get_message_class(kind) for _, kind, _, _ in MESSAGES}
+publishers = {topic: rospy.Publisher(topic, classes[kind], queue_size=10000, latch=topic == "/tf_static") for topic, kind in {(topic, kind) for topic, kind, _, _ in MESSAGES}}
+lock, waiting, took = threading.Lock(), collections.defaultdict(collections.deque), []
+
+
+def take(path, robot):
+    now = time.time()
+    if not path.poses:
+        return
+    newest = path.poses[-1].header.stamp.to_nsec()
+    with lock:
+        while waiting[robot] and waiting[robot][0][0] <= newest:
+            took.append(now - waiting[robot].popleft()[1])
+
+
+for robot in {topic.split("/")[1] for topic in publishers if topic.endswith("/scan")}:
+    rospy.Subscriber(f"/{robot}/path", Path, take, robot, queue_size=10)
+while any(publisher.get_num_connections() == 0 for topic, publisher in publishers.items() if topic != "/tf_static"):
+    time.sleep(0.05)
+began = time.time()
+for topic, kind, stamp, data in MESSAGES:
+    time.sleep(max(0.0, began + (stamp - MESSAGES[0][2]) / SPEED - time.time()))
+    message = classes[kind]().deserialize(data)
+    if topic.endswith("/scan"):
+        with lock:
+            waiting[topic.split("/")[1]].append((message.header.stamp.to_nsec(), time.time()))
+    publishers[topic].publish(message)
+time.sleep(5.0)
+took.sort()
+print(json.dumps({"scans": len(took), "median_s": took[len(took) // 2] if took else None, "p95_s": took[int(0.95 * len(took))] if took else None,
+                  "longest_s": took[-1] if took else None}))
