@@ -11,6 +11,7 @@ namespace {
 
 struct Arguments {
   RoleArguments role;
+  bool reads_input = false;
   DemoArguments demo;
   KeysArguments keys;
 };
@@ -44,6 +45,9 @@ Action set_up_serve(CLI::App& verb) {
   CLI::App* demo = verb.add_subcommand("demo", "all of them on this machine, with three simulated robots");
   for (CLI::App* role : {robot, edge, cloud, coordinator, keys}) add_role_arguments(*role, arguments->role);
   robot->add_option("--name", arguments->role.name, "which robot of the configuration it is")->type_name("NAME");
+  robot->add_flag("--stdin", arguments->reads_input,
+                  "map what standard input brings, a rawlog or an MCAP recording, as it comes; it is kept in the "
+                  "robot's log, which must not be there yet");
   edge->add_option("--name", arguments->role.name, "which edge of the configuration it is")->type_name("NAME");
   for (CLI::App* role : {edge, cloud}) add_threads_flag(*role, arguments->role);
   cloud->add_option("-o,--out", arguments->role.flags.out, "new folder for the results")->required()->type_name("DIR");
@@ -92,7 +96,8 @@ Action set_up_serve(CLI::App& verb) {
   show_examples(*demo, {"mapweave serve demo --out maps/demo"});
   return [=] {
     RoleExtension none;
-    if (robot->parsed()) return serve_robot(arguments->role, none);
+    if (robot->parsed())
+      return arguments->reads_input ? serve_robot_by_input(arguments->role) : serve_robot(arguments->role, none);
     if (edge->parsed()) return serve_edge(arguments->role, none);
     if (cloud->parsed()) return serve_cloud(arguments->role, none);
     if (coordinator->parsed())

@@ -138,6 +138,8 @@ class RoleExtension {
 };
 
 ExitCode serve_robot(const RoleArguments&, RoleExtension&);
+// What standard input brings becomes the robot's log, and is sent to its edge as it comes.
+ExitCode serve_robot_by_input(RoleArguments arguments);
 ExitCode serve_edge(const RoleArguments&, RoleExtension&);
 ExitCode serve_cloud(const RoleArguments&, RoleExtension&);
 

@@ -4,6 +4,7 @@
 
 #include <mapweave/core/log.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/rawlog/rawlog_writer.h>
 #include <mapweave/rawlog/ros_recorder.h>
 #include <ros/mcap_reader.h>
 
@@ -67,6 +68,32 @@ TEST(RosRecorder, what_it_writes_is_read_while_it_grows) {
   EXPECT_EQ(read, entries.size());
   EXPECT_EQ(count_of(*open_log(path, without_transforms(false))), entries.size());
   EXPECT_EQ(ros::open_mcap(path)->topics().at(1).name, "/a/odom");
+}
+
+TEST(GrowingLog, of_any_format_that_is_read_once_is_read_while_it_grows) {
+  const TemporaryFolder folder;
+  const auto whole = folder.path() / "whole.rawlog", path = folder.path() / "growing.rawlog";
+  {
+    RawlogWriter writer(whole);
+    for (int i = 0; i < 60; ++i) writer.add(*scan(0.1 * i));
+    writer.close();
+  }
+  std::ifstream file(whole, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  GrowingLog log(path, GrowingLog::Begin::new_file);
+  constexpr std::size_t kFirst = 500, kStep = 77;
+  log.add(bytes.substr(0, kFirst));
+  std::atomic<std::size_t> read = 0;
+  std::thread reader([&] {
+    ReadOptions options;
+    options.follow = true;
+    const auto stream = open_log(path, options);
+    while (stream->next()) ++read;
+  });
+  for (std::size_t at = kFirst; at < bytes.size(); at += kStep) log.add(std::string_view(bytes).substr(at, kStep));
+  log.finish();
+  reader.join();
+  EXPECT_EQ(read, 60U);
 }
 
 TEST(RosRecorder, a_reader_that_does_not_follow_ends_where_the_recording_is) {

@@ -179,6 +179,36 @@ class Serve(WithBroker):
         self.assert_same_map("live", "run")
         self.assertFalse((self.folder / "mapweave-store").exists(), "what was received is in the results")
 
+    def test_what_standard_input_brings_is_mapped_as_it_comes(self):
+        self.simulate()
+        self.mapweave("run", "logs/run.yaml", "--out", "run")
+        shutil.copytree(self.folder / "logs", self.folder / "site")
+        sensed = (self.folder / "site/alpha.rawlog").read_bytes()
+        (self.folder / "site/alpha.rawlog").unlink()
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=0"]
+        cloud = self.start("serve", "cloud", "site/run.yaml", "--out", "live", *talk)
+        edges = [self.start("serve", "edge", "site/run.yaml", "--name", name, *talk) for name in ("north", "south")]
+        robots = [self.start("serve", "robot", "site/run.yaml", "--name", name, *talk) for name in ("beta", "gamma")]
+        fed = subprocess.Popen([support.PROGRAM, "serve", "robot", "site/run.yaml", "--name", "alpha", "--stdin", *talk], cwd=self.folder,
+                               env=support.environment(), stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.addCleanup(lambda: fed.poll() is None and fed.kill())
+        step = len(sensed) // 40 + 1
+        for begin in range(0, len(sensed), step):
+            fed.stdin.write(sensed[begin:begin + step])
+            fed.stdin.flush()
+            time.sleep(0.05)
+        error = fed.communicate(timeout=120 * support.PATIENCE)[1].decode()
+        self.assertEqual(fed.returncode, support.DONE, error)
+        self.assertIn("its edge has all", error)
+        for process in [*robots, cloud, *edges]:
+            self.end(process)
+        self.assertEqual((self.folder / "site/alpha.rawlog").read_bytes(), sensed, "it is kept as the robot's log")
+        self.assert_same_map("live", "run")
+        refused = subprocess.run([support.PROGRAM, "serve", "robot", "site/run.yaml", "--name", "alpha", "--stdin", *talk], cwd=self.folder,
+                                 env=support.environment(), input=sensed, capture_output=True, timeout=60 * support.PATIENCE, check=False)
+        self.assertEqual(refused.returncode, support.CANNOT_WRITE)
+        self.assertIn(b"is there already", refused.stderr)
+
     def map_on_board(self, sensor):
         self.mapweave("simulate", self.write("world.yaml", CAMERA_WORLD), "--out", "logs")
         with_sensor = ["--set", f"sensor={sensor}"]

@@ -4,8 +4,10 @@
 #include <mapweave/core/interrupt.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 #include <string>
+#include <thread>
 
 namespace mapweave::rawlog {
 namespace {
@@ -16,16 +18,17 @@ constexpr const char* kCopyAgain = "copy the log again, or record again";
 
 }  // namespace
 
-ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)) {
+ByteSource::ByteSource(std::filesystem::path path, bool follows) : path_(std::move(path)) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path_, ignored))
     throw Error(ErrorCode::kBadInput, "is a folder; a log file was expected", path_.string(), "name the file in it");
   file_ = std::make_unique<ReadableFile>(path_);
+  if (follows) writer_ = std::make_unique<LogWriterWatch>(path_);
   file_bytes_ = file_->bytes();
   const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(file_bytes_, kBufferBytes));
   packed_buffer_.resize(std::clamp(size, kLeastBytes, kPackedBytes));
   buffer_.resize(std::clamp(8 * size, kLeastBytes, kBufferBytes));
-  packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
+  packed_end_ = read_on(packed_buffer_.data(), packed_buffer_.size());
   if (packed_end_ == 0)
     throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");
   packed_ = packed_end_ >= 2 && packed_buffer_[0] == '\x1f' && packed_buffer_[1] == '\x8b';
@@ -51,6 +54,18 @@ std::size_t ByteSource::read_file(char* to, std::size_t count) {
   const std::size_t got = file_->read(to, count);
   file_bytes_read_ += got;
   return got;
+}
+
+// As the file grows. Whoever writes it is asked for before it is read, so that nothing is missed at its end.
+std::size_t ByteSource::read_on(char* to, std::size_t count) {
+  constexpr std::chrono::milliseconds kBetweenLooks{5};
+  while (true) {
+    const bool may_grow = writer_ && writer_->has_writer();
+    const std::size_t got = read_file(to, count);
+    if (got > 0 || !may_grow) return got;
+    throw_if_interrupted();
+    std::this_thread::sleep_for(kBetweenLooks);
+  }
 }
 
 void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
@@ -114,7 +129,7 @@ void ByteSource::fill() {
       std::memcpy(buffer_.data() + end_, packed_buffer_.data() + packed_begin_, got);
       packed_begin_ += got;
     } else {
-      got = read_file(buffer_.data() + end_, buffer_.size() - end_);
+      got = read_on(buffer_.data() + end_, buffer_.size() - end_);
       ended_ = got == 0;
     }
   } catch (const Error&) {

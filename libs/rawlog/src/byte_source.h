@@ -1,6 +1,8 @@
 #pragma once
 // The bytes of a file, unpacked where it is gz, through one buffer.
 
+#include "log_writer.h"
+
 #include <mapweave/core/files.h>
 #include <zlib.h>
 
@@ -18,7 +20,9 @@ namespace mapweave::rawlog {
 // taken.
 class ByteSource {
  public:
-  explicit ByteSource(std::filesystem::path path);  // throws Error kMissing, kBadInput for an empty file
+  // follows: of a file that is not packed, its end is waited for while a GrowingLog writes it. Throws Error kMissing,
+  // kBadInput for an empty file.
+  explicit ByteSource(std::filesystem::path path, bool follows = false);
   ~ByteSource();
   ByteSource(const ByteSource&) = delete;
   ByteSource& operator=(const ByteSource&) = delete;
@@ -59,10 +63,12 @@ class ByteSource {
   void fill();
   bool take_slowly(char* to, std::size_t count);
   std::size_t read_file(char* to, std::size_t count);
+  std::size_t read_on(char* to, std::size_t count);
   void inflate_into(char* to, std::size_t count, std::size_t& got);
 
   std::filesystem::path path_;
   std::unique_ptr<ReadableFile> file_;
+  std::unique_ptr<LogWriterWatch> writer_;  // where it is followed
   bool packed_ = false, ended_ = false, member_open_ = false;
   std::uint64_t file_bytes_ = 0, file_bytes_read_ = 0, position_ = 0;
   std::vector<char> buffer_, packed_buffer_;

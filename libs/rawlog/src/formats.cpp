@@ -75,7 +75,7 @@ OpenedLog open_source(const std::filesystem::path& path, const ReadOptions& opti
     const FolderLayout& layout = recognise_folder(path);
     return {layout.name, open_folder(layout.read(path, options))};
   }
-  auto bytes = std::make_unique<ByteSource>(path);
+  auto bytes = std::make_unique<ByteSource>(path, options.follow);
   const Format& format = recognise(*bytes);
   return {format.name, format.open(std::move(bytes), options)};
 }

@@ -34,7 +34,7 @@ std::unique_ptr<BagReader> open_bag(const std::filesystem::path& path, const Rea
   bool is_packed = false;
   std::string start;
   {
-    ByteSource bytes(path);
+    ByteSource bytes(path, options.follow);
     start = bytes.ahead(kStartBytes);
     is_packed = bytes.packed();
   }

@@ -1,16 +1,10 @@
 #include "mcap_records.h"
 #include "topic_choice.h"
 
-#include <fcntl.h>
 #include <mapweave/core/error.h>
 #include <mapweave/rawlog/ros_recorder.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <limits>
-#include <optional>
-#include <system_error>
 #include <utility>
 
 namespace mapweave::rawlog {
@@ -20,13 +14,6 @@ using ros::Opcode;
 
 constexpr const char* kLibrary = "mapweave RosRecorder";
 constexpr std::size_t kMostHeadBytes = std::size_t{1} << 20;  // of all that stands before the first message
-
-Error no_write(const std::filesystem::path& path, const std::string& why) {
-  return Error(ErrorCode::kCannotWrite, "the recording cannot be written: " + why, path.string(),
-               "make room, or name another file");
-}
-
-std::string reason() { return std::generic_category().message(errno); }
 
 template <class Number>
 void append_number(std::string& to, Number number) {
@@ -80,20 +67,16 @@ std::string end_of_recording() {
 // Goes over the records of a recording that was not finished.
 class WholeRecords {
  public:
-  WholeRecords(int file, const std::filesystem::path& path) : file_(file), path_(path) {
-    struct stat found {};
-    if (::fstat(file, &found) != 0) throw no_write(path, reason());
-    bytes_ = static_cast<std::uint64_t>(found.st_size);
-  }
+  explicit WholeRecords(const GrowingLog& file) : file_(file) {}
 
   // Where the last whole record ends.
   std::uint64_t walk() {
     if (read(0, ros::kMcapMagic.size()) != ros::kMcapMagic) refuse("is no MCAP recording");
     std::uint64_t at = ros::kMcapMagic.size();
-    for (bool is_first = true; bytes_ - at >= ros::kRecordHeadBytes; is_first = false) {
+    for (bool is_first = true; file_.bytes() - at >= ros::kRecordHeadBytes; is_first = false) {
       const ros::RecordHead head = ros::parse_head(read(at, ros::kRecordHeadBytes).c_str());
       if (head.opcode == Opcode::kDataEnd || head.opcode == Opcode::kFooter) refuse("is a finished recording");
-      if (head.bytes > bytes_ - at - ros::kRecordHeadBytes) break;
+      if (head.bytes > file_.bytes() - at - ros::kRecordHeadBytes) break;
       take(head, at + ros::kRecordHeadBytes, is_first);
       at += ros::kRecordHeadBytes + head.bytes;
     }
@@ -120,19 +103,16 @@ class WholeRecords {
 
   std::string read(std::uint64_t at, std::size_t count) const {
     std::string bytes(count, '\0');
-    const ssize_t got = ::pread(file_, bytes.data(), count, static_cast<off_t>(at));
-    bytes.resize(got < 0 ? 0 : static_cast<std::size_t>(got));
+    bytes.resize(file_.read_at(at, bytes.data(), count));
     return bytes;
   }
 
   [[noreturn]] void refuse(const std::string& what) const {
-    throw Error(ErrorCode::kBadInput, what + "; one that can be gone on with was expected", path_.string(),
+    throw Error(ErrorCode::kBadInput, what + "; one that can be gone on with was expected", file_.path().string(),
                 "move it away, or name another file");
   }
 
-  int file_;
-  const std::filesystem::path& path_;
-  std::uint64_t bytes_ = 0;
+  const GrowingLog& file_;
   ros::McapChannels channels_;
 };
 
@@ -158,61 +138,22 @@ std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& th
 }
 
 RosRecorder::RosRecorder(std::filesystem::path path, std::vector<RecordedTopic> topics)
-    : path_(std::move(path)), topics_(std::move(topics)) {
+    : topics_(std::move(topics)), file_(std::move(path), GrowingLog::Begin::new_file) {
   MAPWEAVE_EXPECT(!topics_.empty() && topics_.size() < std::numeric_limits<std::uint16_t>::max(),
                   "a recording has topics");
-  std::error_code ignored;
-  std::filesystem::create_directories(path_.parent_path(), ignored);
-  open(O_CREAT | O_EXCL);
-  write(beginning_of(topics_));
+  file_.add(beginning_of(topics_));
 }
 
-RosRecorder::RosRecorder(std::filesystem::path path) : path_(std::move(path)) {
-  open(0);
-  try {
-    WholeRecords records(file_, path_);
-    bytes_ = records.walk();
-    topics_ = records.topics();
-    if (::ftruncate(file_, static_cast<off_t>(bytes_)) != 0) throw no_write(path_, reason());
-  } catch (...) {
-    ::close(file_);
-    throw;
-  }
-}
-
-RosRecorder::~RosRecorder() {
-  if (file_ >= 0) ::close(file_);
-}
-
-// The lock says that it is being written, to who follows it.
-void RosRecorder::open(int flags) {
-  file_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC | flags, 0644);
-  if (file_ < 0 && errno == ENOENT && flags == 0)
-    throw Error(ErrorCode::kMissing, "there is no recording", path_.string(), "check its path");
-  if (file_ < 0) throw no_write(path_, reason());
-  struct flock lock {};
-  lock.l_type = F_WRLCK;
-  lock.l_whence = SEEK_SET;
-  if (::fcntl(file_, F_OFD_SETLK, &lock) == 0) return;
-  ::close(std::exchange(file_, -1));
-  throw no_write(path_, "another program writes it");
-}
-
-void RosRecorder::write(std::string_view bytes) {
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t put = ::pwrite(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(bytes_ + done));
-    if (put < 0 && errno == EINTR) continue;
-    if (put <= 0) throw no_write(path_, reason());
-    done += static_cast<std::size_t>(put);
-  }
-  bytes_ += bytes.size();
+RosRecorder::RosRecorder(std::filesystem::path path) : file_(std::move(path), GrowingLog::Begin::existing_file) {
+  WholeRecords records(file_);
+  file_.cut(records.walk());
+  topics_ = records.topics();
 }
 
 void RosRecorder::add(std::size_t topic, std::int64_t received_ns, std::string_view message) {
   MAPWEAVE_EXPECT(topic < topics_.size(), "a topic of the recording");
   const std::lock_guard lock(mutex_);
-  if (file_ < 0) return;
+  if (file_.is_finished()) return;
   std::string fields, record;
   append_number(fields, static_cast<std::uint16_t>(topic));
   append_number(fields, static_cast<std::uint32_t>(messages_));
@@ -220,20 +161,20 @@ void RosRecorder::add(std::size_t topic, std::int64_t received_ns, std::string_v
   append_number(fields, static_cast<std::uint64_t>(received_ns));
   fields += message;
   append_record(record, Opcode::kMessage, fields);
-  write(record);
+  file_.add(record);
   ++messages_;
 }
 
 void RosRecorder::finish() {
   const std::lock_guard lock(mutex_);
-  if (file_ < 0) return;
-  write(end_of_recording());
-  ::close(std::exchange(file_, -1));
+  if (file_.is_finished()) return;
+  file_.add(end_of_recording());
+  file_.finish();
 }
 
 bool RosRecorder::is_finished() const {
   const std::lock_guard lock(mutex_);
-  return file_ < 0;
+  return file_.is_finished();
 }
 
 std::uint64_t RosRecorder::messages() const {

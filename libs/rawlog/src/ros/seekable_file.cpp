@@ -1,5 +1,7 @@
 #include "seekable_file.h"
 
+#include "../log_writer.h"
+
 #include <fcntl.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -58,10 +60,7 @@ bool SeekableFile::read_at(std::uint64_t offset, void* to, std::size_t count) co
 }
 
 bool SeekableFile::look_again() {
-  struct flock lock {};
-  lock.l_type = F_RDLCK;
-  lock.l_whence = SEEK_SET;
-  const bool is_written = ::fcntl(number_, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
+  const bool is_written = has_writer(number_);
   struct stat found {};
   if (::fstat(number_, &found) == 0) bytes_ = std::max(bytes_, static_cast<std::uint64_t>(found.st_size));
   return is_written;

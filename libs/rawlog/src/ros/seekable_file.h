@@ -19,7 +19,7 @@ class SeekableFile {
   // Whether the file has so many bytes there; they are copied. Throws Error kMissing where the disk fails.
   bool read_at(std::uint64_t offset, void* to, std::size_t count) const;
   std::uint64_t bytes() const { return bytes_; }  // as it was opened, or looked at last
-  // Looks at it again. False: no RosRecorder writes it any more, and bytes() are all.
+  // Looks at it again. False: no GrowingLog writes it any more, and bytes() are all.
   bool look_again();
   // Looks again until it has so many bytes, or nobody writes it any more. Throws Interrupted.
   void await(std::uint64_t bytes);

@@ -88,10 +88,9 @@ struct ReadOptions {
     v.flag("use_tf", use_tf,
            "use the transforms of a ROS bag to know where sensors stand; false: lasers stand as laser_x_m, laser_y_m "
            "and laser_yaw_rad say, cameras look ahead from the robot's origin");
-    v.flag(
-        "follow", follow,
-        "read a recording that mapweave_ros still writes as it grows, until it is finished; false: as far as it goes "
-        "now");
+    v.flag("follow", follow,
+           "read a recording that mapweave_ros, or serve robot --stdin, still writes as it grows, until it is "
+           "finished; false: as far as it goes now");
     v.integer("cloud_ring", cloud_ring, -1, 65535,
               "number of the ring whose points become planar scans, in a ROS bag with point clouds of a lidar with "
               "rings; -1: the most level one");

@@ -1,7 +1,9 @@
 #pragma once
 // Writes what arrives on ROS 1 topics into an MCAP recording, message by message, so that it can be read while it grows
-// (ReadOptions::follow). A recorder that was killed goes on where its file ends.
+// (ReadOptions::follow). A recorder that was killed, or let go of, is gone on with where its
+// file ends.
 
+#include <mapweave/rawlog/growing_log.h>
 #include <mapweave/rawlog/observation_stream.h>
 
 #include <cstdint>
@@ -33,11 +35,8 @@ class RosRecorder {
   // Goes on with one that was not finished, behind its last whole message. Throws Error: kMissing, kCannotWrite where
   // another program writes it, kBadInput where it is finished, or was not written by this class.
   explicit RosRecorder(std::filesystem::path path);
-  ~RosRecorder();  // leaves it unfinished, to be gone on with
-  RosRecorder(const RosRecorder&) = delete;
-  RosRecorder& operator=(const RosRecorder&) = delete;
 
-  const std::filesystem::path& path() const { return path_; }
+  const std::filesystem::path& path() const { return file_.path(); }
   const std::vector<RecordedTopic>& topics() const { return topics_; }
   // message: as ROS serialized it. received_ns: since 1970. Nothing once it is finished. Throws Error(kCannotWrite).
   void add(std::size_t topic, std::int64_t received_ns, std::string_view message);
@@ -47,14 +46,10 @@ class RosRecorder {
   std::uint64_t messages() const;  // of this recorder
 
  private:
-  void open(int flags);
-  void write(std::string_view bytes);
-
-  const std::filesystem::path path_;
   std::vector<RecordedTopic> topics_;
   mutable std::mutex mutex_;
-  int file_ = -1;  // -1 where it is finished
-  std::uint64_t messages_ = 0, bytes_ = 0;
+  GrowingLog file_;
+  std::uint64_t messages_ = 0;
 };
 
 }  // namespace mapweave::rawlog
