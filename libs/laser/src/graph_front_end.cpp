@@ -1,4 +1,5 @@
 #include "graph_front_end.h"
+#include "even_motion.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
@@ -217,6 +218,17 @@ Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
   return is_finite(velocity) ? velocity : Pose2{};  // odometry may be absurd
 }
 
+std::optional<Pose2> FrontEnd::motion_after(Stamp stamp, double seconds) const {
+  const Stamp start = taken_at(stamp), then = later(start, seconds);
+  const auto before = odometry_.at(start), after = odometry_.at(then);
+  if (!before || !after) return std::nullopt;
+  Pose2 motion = between(*before, *after);
+  if (calibration_.is_believed())
+    if (const auto turn = seconds < 0.0 ? inertial_.turn(then, start) : inertial_.turn(start, then))
+      motion.phi = std::copysign(1.0, seconds) * calibration_.turn_rad(std::abs(seconds), *turn);
+  return motion;
+}
+
 // Where the match found that the robot moved otherwise than was taken for its motion during the sweep.
 std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                                   const Matched& found) const {
@@ -244,6 +256,7 @@ FrontEnd::Taken FrontEnd::take(const ScanInput& given) const {
   if (scan.geometry->has_sweep()) {
     taken.velocity = sweep_velocity(taken.input);
     scan.motion = sweep_motion(taken.velocity);
+    even_out(scan, [&](double seconds) { return motion_after(given.stamp, seconds); });
   }
   see(taken);
   return taken;

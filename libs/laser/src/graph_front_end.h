@@ -82,6 +82,8 @@ class FrontEnd {
   std::optional<double> free_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) const;
   void learn_heading(const Taken& taken, const Step& step, const Matched& found);
   Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
+  // How the robot moved from a scan's stamp on, or before it, as odometry and the inertial unit say.
+  std::optional<Pose2> motion_after(Stamp stamp, double seconds) const;
   std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                           const Matched& found) const;
   Pose2 predict(Stamp stamp, bool& from_odometry) const;
