@@ -82,8 +82,8 @@ Track begins_at(double begin_s, double turn_rad_s, double speed_m_s) {
 const Pose2 kPlace{-2.0, -1.0, 0.3};
 
 TEST(EvenOut, puts_the_points_of_uneven_motion_on_the_walls) {
-  for (const Laser& laser : {Laser{}, Laser{true, false, 0.0}, Laser{false, true, 0.0}, Laser{false, false, 0.5},
-                             Laser{true, true, 1.0}})
+  for (const Laser& laser :
+       {Laser{}, Laser{true, false, 0.0}, Laser{false, true, 0.0}, Laser{false, false, 0.5}, Laser{true, true, 1.0}})
     for (const double turn_rad_s : {2.5, -2.5}) {
       const auto track = begins_at(kSweep_s * (0.5 - laser.stamp), turn_rad_s, 0.5);
       PackedScan scan = measured(laser, kPlace, track);
@@ -107,9 +107,7 @@ TEST(EvenOut, leaves_scans_of_even_or_unknown_motion_alone) {
   const auto ranges = scan.ranges;
   EXPECT_FALSE(even_out(scan, even));
   EXPECT_FALSE(even_out(scan, [](double) { return std::optional<Pose2>(); }));
-  EXPECT_FALSE(even_out(scan, [](double seconds) {
-    return std::optional(Pose2{seconds / 0.0, 0.0, 0.0});
-  }));
+  EXPECT_FALSE(even_out(scan, [](double seconds) { return std::optional(Pose2{seconds / 0.0, 0.0, 0.0}); }));
   EXPECT_EQ(scan.ranges, ranges);
 }
 
@@ -123,7 +121,7 @@ TEST(EvenOut, does_not_believe_that_a_robot_spins) {
 TEST(EvenOut, fills_no_gap_between_a_wall_and_what_stands_before_it) {
   const auto track = begins_at(0.05, 2.0, 0.0);
   PackedScan scan = measured({}, kPlace, track);
-  for (std::size_t ray = 80; ray < 100; ++ray) scan.ranges[ray] = 0;                            // nothing seen
+  for (std::size_t ray = 80; ray < 100; ++ray) scan.ranges[ray] = 0;                               // nothing seen
   for (std::size_t ray = 40; ray < 60; ++ray) scan.ranges[ray] = static_cast<std::uint16_t>(500);  // somebody near
   scan.motion = motion_of(scan, track);
   ASSERT_TRUE(even_out(scan, track));

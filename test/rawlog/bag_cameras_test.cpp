@@ -141,9 +141,9 @@ TEST_F(BagCameras, a_fisheye_lens_becomes_one_without_distortion) {
     const auto& camera = as<CObservationImage>(reading.records.at(0)).cameraParams;
     EXPECT_EQ(camera.distortion, mrpt::img::DistortionModel::none);
     EXPECT_DOUBLE_EQ(camera.fx(), 400.0);
-    EXPECT_EQ(testing::internal::GetCapturedStderr().find("fisheye lens: its pictures are straightened") !=
-                  std::string::npos,
-              fisheye.model == "equidistant")
+    EXPECT_EQ(
+        testing::internal::GetCapturedStderr().find("fisheye lens: its pictures are rectified") != std::string::npos,
+        fisheye.model == "equidistant")
         << "once";
   }
 }

@@ -1,8 +1,8 @@
 // Pictures of a fisheye lens, made pixel by pixel from the direction that each sees.
 #include "logs.h"
 
-#include <opencv2/core.hpp>
 #include <ros/fisheye.h>
+#include <opencv2/core.hpp>
 
 namespace mapweave::rawlog::ros {
 namespace {
@@ -43,12 +43,12 @@ mrpt::img::CImage seen_by_fisheye(const mrpt::img::TCamera& camera, int columns,
   return {pixels, mrpt::img::DEEP_COPY};
 }
 
-TEST(FisheyeLens, straightens_what_it_sees) {
+TEST(FisheyeLens, rectifies_what_it_sees) {
   const auto camera = wide_camera();
   FisheyeLens lens(camera, kLens);
   for (int picture = 0; picture < 2; ++picture) {
     auto image = seen_by_fisheye(camera, 240, 160);
-    lens.straighten(image);
+    lens.rectify(image);
     ASSERT_EQ(image.getWidth(), 240U);
     double worst = 0.0;
     for (int row = 0; row < 160; ++row)
@@ -68,7 +68,7 @@ TEST(FisheyeLens, says_how_much_of_the_view_remains) {
 TEST(FisheyeLens, leaves_pictures_of_another_size) {
   auto image = seen_by_fisheye(wide_camera(), 100, 80);
   const auto before = *image(50, 40);
-  FisheyeLens(wide_camera(), kLens).straighten(image);
+  FisheyeLens(wide_camera(), kLens).rectify(image);
   EXPECT_EQ(image.getWidth(), 100U);
   EXPECT_EQ(*image(50, 40), before);
 }

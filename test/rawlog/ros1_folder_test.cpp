@@ -81,7 +81,7 @@ TEST_F(Ros1Folder, ends_before_a_part_that_is_missing) {
   EXPECT_THAT(said_at_reading(), HasSubstr("part 2 of the recording is missing"));
   ASSERT_TRUE(reading_.error);
   EXPECT_THAT(reading_.error, IsError(ErrorCode::kMissing,
-                                       "part 2 of the recording is missing: 'office_3.bag' follows 'office_1.bag'"));
+                                      "part 2 of the recording is missing: 'office_3.bag' follows 'office_1.bag'"));
   EXPECT_THAT(reading_.error->remedy(), HasSubstr("--keep-going"));
   EXPECT_EQ(reading_.records.size(), 8U);  // of parts 0 and 1
 }
@@ -128,7 +128,8 @@ TEST_F(Ros1Folder, of_several_recordings_is_refused) {
   write_bag(folder_ / "kitchen_2.bag", small_drive());
   said_at_reading();
   ASSERT_TRUE(reading_.error);
-  EXPECT_THAT(reading_.error, IsError(ErrorCode::kBadInput, "'office_1.bag' and 'kitchen_2.bag' are of two recordings"));
+  EXPECT_THAT(reading_.error,
+              IsError(ErrorCode::kBadInput, "'office_1.bag' and 'kitchen_2.bag' are of two recordings"));
   std::filesystem::rename(folder_ / "kitchen_2.bag", folder_ / "kitchen.bag");
   said_at_reading();
   ASSERT_TRUE(reading_.error);

@@ -8,10 +8,10 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr int kKnots = 20;                                   // of the motion during a sweep
-constexpr double kMatters_rad = 0.002, kMatters_m = 0.004;   // half of what a match resolves
-constexpr double kEdge = 0.1;                                // of the range, from ray to ray
-constexpr double kFarthest_rays = 40.0;                      // that a ray may move; farther, odometry is absurd
+constexpr int kKnots = 20;                                  // of the motion during a sweep
+constexpr double kMatters_rad = 0.002, kMatters_m = 0.004;  // half of what a match resolves
+constexpr double kEdge = 0.1;                               // of the range, from ray to ray
+constexpr double kFarthest_rays = 40.0;                     // that a ray may move; farther, odometry is absurd
 
 // How the robot moved during a sweep: straight from knot to knot.
 class SweepTrack {
@@ -81,8 +81,8 @@ class Evening {
       const Eigen::Vector2d point =
           laser_from_robot_ * (placed(inverse(moved(scan_.motion, seconds)), at_stamp) - laser_in_robot_);
       result.range_m = point.norm();
-      result.ray = static_cast<double>(ray) +
-                   wrap_angle(std::atan2(point.y(), point.x()) - angle) / geometry_.angle_step_rad;
+      result.ray =
+          static_cast<double>(ray) + wrap_angle(std::atan2(point.y(), point.x()) - angle) / geometry_.angle_step_rad;
     }
     return result;
   }

@@ -17,6 +17,7 @@ constexpr std::size_t kFewestPoints = 15;  // of a scan: fewer are not matched o
 constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03, kClearlyBetter = 0.03;
 constexpr double kShortestMotion_s = 0.02;  // that odometry is divided by: readings resolve no shorter one
 constexpr double kSuddenly_rad = 0.02;      // another turn than before, within a sweep
+constexpr double kLessBent = 0.01;  // of the mean likelihood: gained by going on as before, where wheels slipped
 constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep; less than a match resolves
 // Without odometry the robot is expected to go on as it did: it may have braked or begun to turn.
 constexpr double kBlindSigma_m = 0.15, kBlindSigma_per_m = 0.3, kBlindSigma_rad = 0.1, kBlindSigma_per_rad = 0.3;
@@ -297,7 +298,7 @@ FrontEnd::Matched FrontEnd::match_sweep(const ScanInput& given, Taken& taken, co
     found = again;
   };
   if (taken.input.scan.geometry->has_sweep() && found.is_found) {
-    if (turns_suddenly(taken, step)) attempt(given, last_motion_, kClearlyBetter);
+    if (turns_suddenly(taken, step)) attempt(given, last_motion_, kLessBent);
     if (const auto better = corrected_velocity(taken.input, taken.velocity, step, found)) {
       if (step.from_odometry)
         attempt(taken.input, *better, 0.0);

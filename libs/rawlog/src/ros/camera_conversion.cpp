@@ -67,7 +67,7 @@ void CameraConversion::set_lens(Side& side, const std::array<double, 4>& fisheye
   if (side.lens && side.lens->is_of(*side.calibration, fisheye)) return;
   side.lens.emplace(*side.calibration, fisheye);
   const auto view_deg = side.lens->view_deg();
-  say_once(bag_ + ": camera '" + camera_.label + "' has a fisheye lens: its pictures are straightened, " +
+  say_once(bag_ + ": camera '" + camera_.label + "' has a fisheye lens: its pictures are rectified, " +
            std::to_string(std::lround(view_deg[0])) + " x " + std::to_string(std::lround(view_deg[1])) +
            " degrees of its view remain");
 }
@@ -107,7 +107,7 @@ void CameraConversion::add(std::size_t topic, MessageReader& reader, bool is_com
     decode(read_compressed_image(reader));
   else
     decode(read_image(reader));
-  if (sides_[second].lens) sides_[second].lens->straighten(picture.image);
+  if (sides_[second].lens) sides_[second].lens->rectify(picture.image);
   const bool is_alone = camera_.kind == BagCameraKind::mono || !camera_.first || is_apart_;
   if (is_alone) return make_single(picture, second, records);
   waiting_[second].push_back(std::move(picture));

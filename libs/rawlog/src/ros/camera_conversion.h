@@ -46,7 +46,7 @@ class CameraConversion {
   struct Side {
     std::optional<mrpt::img::TCamera> calibration;
     CameraInfoMessage rectification;  // of a stereo pair; its views are not used
-    std::optional<FisheyeLens> lens;  // whose pictures are straightened
+    std::optional<FisheyeLens> lens;  // whose pictures are rectified
   };
   struct Picture {
     PictureOrigin origin;

@@ -43,7 +43,7 @@ bool FisheyeLens::is_of(const mrpt::img::TCamera& camera, const std::array<doubl
   return camera == camera_ && k == k_;
 }
 
-void FisheyeLens::straighten(mrpt::img::CImage& image) {
+void FisheyeLens::rectify(mrpt::img::CImage& image) {
   if (image.getWidth() != camera_.ncols || image.getHeight() != camera_.nrows) return;
   if (!maps_) {
     cv::Mat places(static_cast<int>(camera_.nrows), static_cast<int>(camera_.ncols), CV_32FC2);
@@ -57,9 +57,9 @@ void FisheyeLens::straighten(mrpt::img::CImage& image) {
     cv::convertMaps(places, cv::noArray(), maps->places, maps->shares, CV_16SC2);
     maps_ = maps;
   }
-  cv::Mat straight;
-  cv::remap(image.asCvMat<cv::Mat>(mrpt::img::SHALLOW_COPY), straight, maps_->places, maps_->shares, cv::INTER_LINEAR);
-  image = mrpt::img::CImage(straight, mrpt::img::SHALLOW_COPY);
+  cv::Mat rectified;
+  cv::remap(image.asCvMat<cv::Mat>(mrpt::img::SHALLOW_COPY), rectified, maps_->places, maps_->shares, cv::INTER_LINEAR);
+  image = mrpt::img::CImage(rectified, mrpt::img::SHALLOW_COPY);
 }
 
 std::array<double, 2> FisheyeLens::view_deg() const {

@@ -20,7 +20,7 @@ class FisheyeLens {
   bool is_of(const mrpt::img::TCamera& camera, const std::array<double, 4>& k) const;
   // The picture that a lens without distortion would have taken, of the same focal lengths, centre and size: less of
   // the view. A picture of another size than the camera's is left as it is.
-  void straighten(mrpt::img::CImage& image);
+  void rectify(mrpt::img::CImage& image);
   // Across and down, of what remains.
   std::array<double, 2> view_deg() const;
 

@@ -179,9 +179,9 @@ std::vector<double> distortion_of(const CameraInfoMessage& message, double fx, d
     return d;
   }
   if (model != "rational_polynomial" || d.size() < 8)
-    throw Error(ErrorCode::kUnsupported, "a calibration has the distortion model '" + std::string(model) + "' of " +
-                                             std::to_string(d.size()) +
-                                             " numbers; plumb_bob (5), rational_polynomial (8) or equidistant (4) were expected",
+    throw Error(ErrorCode::kUnsupported,
+                "a calibration has the distortion model '" + std::string(model) + "' of " + std::to_string(d.size()) +
+                    " numbers; plumb_bob (5), rational_polynomial (8) or equidistant (4) were expected",
                 {}, kWithoutCamera);
   const double x = 0.5 * message.width / fx, y = 0.5 * message.height / fy;
   const NearestRadial nearest = nearest_radial(d, std::hypot(x, y), fx);

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostDigits = 5;  // of a part's number: longer ones are dates and the like
+constexpr std::size_t kMostDigits = 5;                     // of a part's number: longer ones are dates and the like
 constexpr std::string_view kTime = "0000-00-00-00-00-00";  // as the recorder writes it; 0: any digit
 constexpr const char* kNumbering = "`rosbag record --split` numbers parts as NAME_0.bag, NAME_1.bag";
 
@@ -54,8 +54,8 @@ std::optional<NamedPart> named_part(const fs::path& path) {
   std::string_view rest = name;
   if (!take_end(rest, ".active")) take_end(rest, ".gz");
   if (!take_end(rest, ".bag")) return std::nullopt;
-  const std::size_t digits = static_cast<std::size_t>(
-      std::find_if_not(rest.rbegin(), rest.rend(), is_digit) - rest.rbegin());
+  const std::size_t digits =
+      static_cast<std::size_t>(std::find_if_not(rest.rbegin(), rest.rend(), is_digit) - rest.rbegin());
   if (digits == 0 || digits > kMostDigits || digits == rest.size() || rest[rest.size() - digits - 1] != '_')
     return NamedPart{path, name, std::nullopt};
   const int number = std::stoi(std::string(rest.substr(rest.size() - digits)));
@@ -91,10 +91,9 @@ void expect_one_recording(const fs::path& folder, const std::vector<NamedPart>& 
     else if (i > 0 && here.number == other.number)
       what = quoted(other) + " and " + quoted(here) + " are both part " + std::to_string(*here.number);
     if (!what.empty())
-      throw Error(ErrorCode::kBadInput,
-                  "holds " + std::to_string(bags.size()) + " bags that are not of one recording: " + what,
-                  folder.string(),
-                  std::string("name one of the bags, or leave the parts of one in the folder; ") + kNumbering);
+      throw Error(
+          ErrorCode::kBadInput, "holds " + std::to_string(bags.size()) + " bags that are not of one recording: " + what,
+          folder.string(), std::string("name one of the bags, or leave the parts of one in the folder; ") + kNumbering);
   }
 }
 
@@ -152,12 +151,13 @@ std::unique_ptr<BagReader> open_ros1_folder(const fs::path& folder, std::uint64_
   expect_one_recording(folder, bags);
   Parts parts(folder, bags);
   const auto paths = parts.paths();
-  return open_bag_parts({paths, {}, [parts = std::move(parts), most_bytes](const fs::path& part) {
-                           return parts.open(part, most_bytes);
-                         },
-                         [](const fs::path& part) -> std::string {
-                           return part.extension() == ".gz" ? " at unpacked byte " : " at byte ";
-                         }});
+  return open_bag_parts(
+      {paths,
+       {},
+       [parts = std::move(parts), most_bytes](const fs::path& part) { return parts.open(part, most_bytes); },
+       [](const fs::path& part) -> std::string {
+         return part.extension() == ".gz" ? " at unpacked byte " : " at byte ";
+       }});
 }
 
 }  // namespace mapweave::rawlog::ros
