@@ -146,6 +146,33 @@ TEST(GraphMapper, undistorts_scans_without_odometry) {
   EXPECT_LT(straight, 0.1);
 }
 
+// Of all nodes against the truth, in degrees, the first node laid on it.
+double worst_heading_deg(const Map& map, const simulation::SimulatedRobot& robot) {
+  double worst = 0.0;
+  std::size_t i = 0;
+  for (const auto& [id, node] : map.nodes) {
+    const Pose2 truth = between(robot.steps.front().world_from_robot, robot.steps.at(i++).world_from_robot);
+    worst = std::max(worst, std::abs(wrap_angle(planar(node.map_from_node).phi - truth.phi)));
+  }
+  return worst * 180.0 / M_PI;
+}
+
+TEST(GraphMapper, believes_no_wheels_that_slip_while_the_laser_turns) {
+  auto options = bent_by(0.1);
+  options.laser.sweep_stamp = 0.0;
+  options.laser.scans_per_second = 10.0;
+  options.motion.turn_rate_deg_per_s = 20.0;
+  options.odometry.slips_per_100_m = 40.0;
+  options.odometry.slip_min_deg = 8.0;
+  for (const std::int64_t seed : {7, 8, 9, 10}) {
+    options.seed = seed;
+    const auto team = simulation::make_apartment({}, options);
+    const Map map = mapped(team.robots[0], swept_geometry(team.laser));
+    EXPECT_LT(worst_heading_deg(map, team.robots[0]), 1.5) << seed;
+    EXPECT_LT(error_m(map, team.robots[0]), 0.02) << seed;
+  }
+}
+
 TEST(GraphMapper, makes_the_same_map_whether_or_not_it_looks_for_a_sweep_that_is_not_there) {
   const auto team = simulation::make_apartment({}, bent_by(0.0));
   GraphMapperOptions never;

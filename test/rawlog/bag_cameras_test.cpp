@@ -120,9 +120,48 @@ TEST_F(BagCameras, a_rational_lens_becomes_the_nearest_radial_one) {
   const auto& camera = as<CObservationImage>(reading.records.at(0)).cameraParams;
   EXPECT_NEAR(camera.k1(), 0.0, 1e-6);
   EXPECT_NEAR(camera.k2(), 0.01, 1e-3);
-  rational.model = "equidistant";
-  EXPECT_THAT(read({calibration("/cam/camera_info", 1.0, rational), grey("/cam/image_raw", 1.0)}).error,
-              IsError(ErrorCode::kUnsupported, "the distortion model 'equidistant'"));
+}
+
+TEST_F(BagCameras, a_model_that_is_not_known_is_an_error_that_says_what_helps) {
+  Calibration unknown;
+  unknown.model = "ftheta";
+  const auto reading = read({calibration("/cam/camera_info", 1.0, unknown), grey("/cam/image_raw", 1.0)});
+  EXPECT_THAT(reading.error, IsError(ErrorCode::kUnsupported, "the distortion model 'ftheta'"));
+  EXPECT_THAT(reading.error->remedy(), HasSubstr("reading.topics"));
+}
+
+TEST_F(BagCameras, a_fisheye_lens_becomes_one_without_distortion) {
+  Calibration fisheye;
+  fisheye.distortion = {0.1, 0.01, 0.0, 0.0};
+  for (const char* model : {"equidistant", "fisheye"}) {
+    fisheye.model = model;
+    testing::internal::CaptureStderr();
+    const auto reading = read({calibration("/cam/camera_info", 1.0, fisheye), grey("/cam/image_raw", 1.0)});
+    ASSERT_FALSE(reading.error) << reading.error->what();
+    const auto& camera = as<CObservationImage>(reading.records.at(0)).cameraParams;
+    EXPECT_EQ(camera.distortion, mrpt::img::DistortionModel::none);
+    EXPECT_DOUBLE_EQ(camera.fx(), 400.0);
+    EXPECT_EQ(
+        testing::internal::GetCapturedStderr().find("fisheye lens: its pictures are rectified") != std::string::npos,
+        fisheye.model == "equidistant")
+        << "once";
+  }
+}
+
+TEST_F(BagCameras, a_fisheye_lens_that_makes_no_sense_or_measures_depth_is_refused) {
+  Calibration fisheye;
+  fisheye.model = "equidistant";
+  const auto error_of = [&](const std::vector<double>& distortion) {
+    fisheye.distortion = distortion;
+    return read({calibration("/cam/camera_info", 1.0, fisheye), grey("/cam/image_raw", 1.0)}).error;
+  };
+  EXPECT_THAT(error_of({0.1, 0.2}), IsError(ErrorCode::kBadInput, "has 2 numbers; 4 were expected"));
+  EXPECT_THAT(error_of({0.1, 0.2, 0.3, 0.4, 0.5}), IsError(ErrorCode::kBadInput, "has 5 numbers; 4 were expected"));
+  EXPECT_THAT(error_of({-1e9, 0, 0, 0}), IsError(ErrorCode::kBadInput, "folds back"));
+  fisheye.distortion = {0.1, 0.0, 0.0, 0.0};
+  const auto depth = read({calibration("/cam/rgb/camera_info", 1.0, fisheye), grey("/cam/rgb/image_raw", 1.0),
+                           picture("/cam/depth_registered/image_raw", 1.0, "16UC1", depth_pixels(1000))});
+  EXPECT_THAT(depth.error, IsError(ErrorCode::kUnsupported, "measures depth with a fisheye lens"));
 }
 
 TEST_F(BagCameras, without_a_calibration_that_is_said) {

@@ -1,9 +1,15 @@
 """Bags of ROS 1 as recordings: slam, run, split, convert and inspect take them as they take a rawlog."""
 import json
+import pathlib
+import shutil
+import subprocess
+import unittest
 
 import ros1_bags
 import support
 from support import BAD_INPUT
+
+ROS_PYTHON = "/usr/bin/python3"   # which Debian's python3-rosbag is for
 
 
 class Bags(support.Scenario):
@@ -79,6 +85,51 @@ class Bags(support.Scenario):
         poses = self.poses(self.folder / "kept")
         self.assertGreater(len(poses), 15)
         self.assertLess(len(poses), 30)
+
+    def parts(self, messages, count=3):
+        """A folder of a bag that was split."""
+        folder = self.folder / "office"
+        folder.mkdir(exist_ok=True)
+        for i in range(count):
+            (folder / f"office_{i}.bag").write_bytes(ros1_bags.bag(messages[i * len(messages) // count:(i + 1) * len(messages) // count]))
+        return folder
+
+    def assert_same_results(self, one, other):
+        for name in ("map.pgm", "trajectory.tum"):
+            self.assertEqual((one / name).read_bytes(), (other / name).read_bytes(), name)
+
+    def test_a_bag_that_was_split_maps_as_the_whole_one(self):
+        whole = self.slam(self.written("whole.bag", ros1_bags.drive()))
+        folder = self.parts(ros1_bags.drive())
+        self.assert_same_results(whole, self.slam(folder))
+        shown = json.loads(self.mapweave("inspect", folder, "--json").stdout)
+        self.assertEqual((shown["scans"], {topic["topic"]: topic["count"] for topic in shown["topics"]}), (30, {"/odom": 30, "/scan": 30, "/tf_static": 1}))
+        self.mapweave("convert", folder, self.folder / "office.rawlog")
+        self.assert_same_results(whole, self.slam(self.folder / "office.rawlog"))
+        self.mapweave("split", folder, "--robots", "2", "--out", self.folder / "halves")
+        self.assertEqual(len(list((self.folder / "halves").glob("*.rawlog"))), 2)
+        configuration = self.write("run.yaml", "robots:\n  - {id: one, log: office}\n")
+        self.mapweave("run", configuration, "--out", self.folder / "run")
+
+    def test_a_missing_part_is_named_and_what_precedes_it_can_be_mapped(self):
+        folder = self.parts(ros1_bags.drive())
+        (folder / "office_1.bag").unlink()
+        refused = self.mapweave("slam", folder, "--out", self.folder / "refused", code=BAD_INPUT)
+        self.assert_says(refused, "part 1 of the recording is missing: 'office_2.bag' follows 'office_0.bag'", "--keep-going")
+        self.mapweave("slam", folder, "--out", self.folder / "kept", "--keep-going", code=BAD_INPUT)
+        self.assertEqual(len(self.poses(self.folder / "kept")), 9)   # the tenth scan is in part 1
+
+    @unittest.skipUnless(shutil.which("rosbag") and pathlib.Path(ROS_PYTHON).exists(), "needs Debian's rosbag")
+    def test_parts_that_ros_1_s_own_rosbag_wrote_are_one_recording(self):
+        whole = self.slam(self.written("whole.bag", ros1_bags.drive()))
+        messages = json.dumps([(topic, kind, stamp, data.hex()) for topic, kind, stamp, data in ros1_bags.drive()])
+        for compression in ("none", "bz2", "lz4"):
+            folder = self.folder / compression
+            folder.mkdir()
+            done = subprocess.run([ROS_PYTHON, pathlib.Path(__file__).with_name("split_by_rosbag.py"), "4", folder / "office", compression],
+                                  input=messages, capture_output=True, text=True, check=False, timeout=120)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assert_same_results(whole, self.slam(folder))
 
     def test_a_bag_of_no_bytes_or_of_no_sensors_is_refused(self):
         self.assert_says(self.mapweave("slam", self.write("empty.bag", ""), "--out", "out", code=BAD_INPUT), "is empty")

@@ -1,4 +1,5 @@
 #include "graph_front_end.h"
+#include "even_motion.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
@@ -15,6 +16,8 @@ constexpr std::size_t kFewestPoints = 15;  // of a scan: fewer are not matched o
 // wheels that are wrong mislead, smaller ones bare corridors (DECISIONS.md, 21).
 constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03, kClearlyBetter = 0.03;
 constexpr double kShortestMotion_s = 0.02;  // that odometry is divided by: readings resolve no shorter one
+constexpr double kSuddenly_rad = 0.02;      // another turn than before, within a sweep
+constexpr double kLessBent = 0.01;  // of the mean likelihood: gained by going on as before, where wheels slipped
 constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep; less than a match resolves
 // Without odometry the robot is expected to go on as it did: it may have braked or begun to turn.
 constexpr double kBlindSigma_m = 0.15, kBlindSigma_per_m = 0.3, kBlindSigma_rad = 0.1, kBlindSigma_per_rad = 0.3;
@@ -147,6 +150,7 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   }
   if (match.inliers < options_.min_inliers) return result;
   result.is_found = true;
+  result.score = match.score;
   result.submap_from_node = match.field_from_scan;
   result.local_from_node = compose(against.local_from_submap, match.field_from_scan);
   result.information = options_.point_information_scale * match.information;
@@ -217,6 +221,17 @@ Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
   return is_finite(velocity) ? velocity : Pose2{};  // odometry may be absurd
 }
 
+std::optional<Pose2> FrontEnd::motion_after(Stamp stamp, double seconds) const {
+  const Stamp start = taken_at(stamp), then = later(start, seconds);
+  const auto before = odometry_.at(start), after = odometry_.at(then);
+  if (!before || !after) return std::nullopt;
+  Pose2 motion = between(*before, *after);
+  if (calibration_.is_believed())
+    if (const auto turn = seconds < 0.0 ? inertial_.turn(then, start) : inertial_.turn(start, then))
+      motion.phi = std::copysign(1.0, seconds) * calibration_.turn_rad(std::abs(seconds), *turn);
+  return motion;
+}
+
 // Where the match found that the robot moved otherwise than was taken for its motion during the sweep.
 std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                                   const Matched& found) const {
@@ -244,6 +259,7 @@ FrontEnd::Taken FrontEnd::take(const ScanInput& given) const {
   if (scan.geometry->has_sweep()) {
     taken.velocity = sweep_velocity(taken.input);
     scan.motion = sweep_motion(taken.velocity);
+    even_out(scan, [&](double seconds) { return motion_after(given.stamp, seconds); });
   }
   see(taken);
   return taken;
@@ -254,14 +270,40 @@ void FrontEnd::see(Taken& taken) const {
   taken.few = matched_points(taken.input.scan, taken.points);
 }
 
+// Wheels that slip while the laser turns bend the scan, and only the next step shows the slip: where they say that the
+// robot suddenly turns otherwise, the scan is also matched as if it had gone on as before.
+bool FrontEnd::turns_suddenly(const Taken& taken, const Step& step) const {
+  const ScanGeometry& geometry = *taken.input.scan.geometry;
+  const double sweep_s = std::abs(geometry.ray_time_s(geometry.ray_count - 1) - geometry.ray_time_s(0));
+  return step.from_odometry && !step.from_unit && step.seconds < kLongestStep_s &&
+         std::abs(taken.velocity.phi - last_motion_.phi) * sweep_s > kSuddenly_rad;
+}
+
+// The scan under another motion during the sweep, matched again.
+FrontEnd::Matched FrontEnd::match_moving(const ScanInput& scan, const Pose2& velocity, Taken& taken, const Step& step) {
+  taken.input = scan;
+  taken.input.scan.motion = sweep_motion(velocity);
+  see(taken);
+  return match(taken.few, step);
+}
+
 // If the match implies another motion during the sweep, the scan is undistorted with it, kept so, and matched again.
-FrontEnd::Matched FrontEnd::match_sweep(Taken& taken, const Step& step) {
+FrontEnd::Matched FrontEnd::match_sweep(const ScanInput& given, Taken& taken, const Step& step) {
   Matched found = match(taken.few, step);
+  const auto attempt = [&](const ScanInput& scan, const Pose2& velocity, double gain) {
+    Taken other = taken;
+    const Matched again = match_moving(scan, velocity, other, step);
+    if (!again.is_found || again.score < found.score + gain) return;
+    taken = std::move(other);
+    found = again;
+  };
   if (taken.input.scan.geometry->has_sweep() && found.is_found) {
+    if (turns_suddenly(taken, step)) attempt(given, last_motion_, kLessBent);
     if (const auto better = corrected_velocity(taken.input, taken.velocity, step, found)) {
-      taken.input.scan.motion = sweep_motion(*better);
-      see(taken);
-      found = match(taken.few, step);
+      if (step.from_odometry)
+        attempt(taken.input, *better, 0.0);
+      else
+        found = match_moving(taken.input, *better, taken, step);
     }
   }
   learn_heading(taken, step, found);
@@ -282,10 +324,10 @@ Constraint FrontEnd::motion_constraint(const NodeId& id, const Step& step,
 }
 
 // From the last scan to this one. False where neither a match nor odometry says where it is.
-bool FrontEnd::follow(const NodeId& id, Taken& taken, Map& map) {
+bool FrontEnd::follow(const NodeId& id, const ScanInput& given, Taken& taken, Map& map) {
   const Stamp stamp = taken.input.stamp;
   const Step step = next_step(stamp);
-  const Matched found = match_sweep(taken, step);
+  const Matched found = match_sweep(given, taken, step);
   const bool matched = last_is_matched_ = found.is_found;
   const Pose2 local_from_node = matched ? found.local_from_node : step.predicted;
   const Pose2 moved = between(local_from_last_, local_from_node);
@@ -307,7 +349,7 @@ int FrontEnd::add_scan(const ScanInput& given, Map& map) {
   Taken taken = take(given);
   const Stamp stamp = taken.input.stamp;
   const NodeId id{session_, next_node_++};
-  const bool is_placed = !last_stamp_ || follow(id, taken, map);
+  const bool is_placed = !last_stamp_ || follow(id, given, taken, map);
   bool is_drawn = taken.few.size() >= kFewestPoints;  // nothing seen, nothing to draw
   int frozen = 0;
   if (is_drawn && !active_.empty()) {

@@ -59,6 +59,7 @@ class FrontEnd {
   };
   struct Matched {
     bool is_found = false;
+    double score = 0.0;           // of matching::ScanMatch
     std::optional<Pose2> coarse;  // submap_from_node, where anything was searched
     Pose2 submap_from_node, local_from_node;
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -75,13 +76,17 @@ class FrontEnd {
   Taken take(const ScanInput& given) const;
   void see(Taken& taken) const;  // the points, under the motion of the sweep
   Step next_step(Stamp stamp);
-  bool follow(const NodeId& id, Taken& taken, Map& map);
-  Matched match_sweep(Taken& taken, const Step& step);
+  bool follow(const NodeId& id, const ScanInput& given, Taken& taken, Map& map);
+  bool turns_suddenly(const Taken& taken, const Step& step) const;
+  Matched match_moving(const ScanInput& scan, const Pose2& velocity, Taken& taken, const Step& step);
+  Matched match_sweep(const ScanInput& given, Taken& taken, const Step& step);
   Matched match(const std::vector<matching::WallPoint>& few, const Step& step);
   void turn_by_unit(Step& step) const;
   std::optional<double> free_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) const;
   void learn_heading(const Taken& taken, const Step& step, const Matched& found);
   Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
+  // How the robot moved from a scan's stamp on, or before it, as odometry and the inertial unit say.
+  std::optional<Pose2> motion_after(Stamp stamp, double seconds) const;
   std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                           const Matched& found) const;
   Pose2 predict(Stamp stamp, bool& from_odometry) const;

@@ -22,7 +22,8 @@ const FolderLayout& recognise_folder(const std::filesystem::path& folder) {
           (within.empty() || entry.path().string() < within))
         within = entry.path().string();
   throw Error(ErrorCode::kUnsupported,
-              "is a folder of no layout that is read: rosbag2 (metadata.yaml), TUM RGB-D (rgb.txt and depth.txt, or "
+              "is a folder of no layout that is read: rosbag2 (metadata.yaml), parts of a ROS 1 bag (NAME_0.bag), TUM "
+              "RGB-D (rgb.txt and depth.txt, or "
               "associations.txt), KITTI "
               "odometry (image_0, "
               "calib.txt, times.txt), EuRoC (mav0/cam0/data.csv, or stereo.txt with cam0_sensor.yaml)",

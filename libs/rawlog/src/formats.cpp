@@ -18,7 +18,6 @@ namespace mapweave::rawlog {
 namespace {
 
 constexpr std::size_t kStartBytes = 1 << 16;
-constexpr const char* kRosbag2Folder = "rosbag2 folder";
 
 std::string extension_of(const std::filesystem::path& path) {
   auto name = path.filename();
@@ -70,7 +69,7 @@ const Format& recognise(ByteSource& bytes) {
 
 OpenedLog open_source(const std::filesystem::path& path, const ReadOptions& options) {
   std::error_code ignored;
-  if (ros::is_rosbag2_folder(path)) return {kRosbag2Folder, ros::open_bag_folder(path, options)};
+  if (const char* bag = ros::bag_folder_name(path)) return {bag, ros::open_bag_folder(path, options)};
   if (std::filesystem::is_directory(path, ignored)) {
     const FolderLayout& layout = recognise_folder(path);
     return {layout.name, open_folder(layout.read(path, options))};
@@ -85,7 +84,7 @@ std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, c
 }
 
 std::string format_of_log(const std::filesystem::path& log) {
-  if (ros::is_rosbag2_folder(log)) return kRosbag2Folder;
+  if (const char* bag = ros::bag_folder_name(log)) return bag;
   std::error_code ignored;
   if (std::filesystem::is_directory(log, ignored)) return recognise_folder(log).name;
   ByteSource bytes(log);
@@ -94,7 +93,7 @@ std::string format_of_log(const std::filesystem::path& log) {
 
 bool is_picture_folder(const std::filesystem::path& log) {
   std::error_code ignored;
-  return std::filesystem::is_directory(log, ignored) && !ros::is_rosbag2_folder(log);
+  return std::filesystem::is_directory(log, ignored) && ros::bag_folder_name(log) == nullptr;
 }
 
 bool truth_follows_camera(const std::filesystem::path& log) {

@@ -1,9 +1,11 @@
 #include "bag_formats.h"
 
 #include "../byte_source.h"
+#include "../camera_folder.h"
 #include "bag_source.h"
 #include "mcap_reader.h"
 #include "ros1_bag.h"
+#include "ros1_folder.h"
 #include "rosbag2_storage.h"
 
 #include <mapweave/core/error.h>
@@ -24,13 +26,31 @@ std::uint64_t most_bytes(const ReadOptions& options) {
   return static_cast<std::uint64_t>(std::llround(std::min(options.max_object_mb, kMost_mb) * kMegabyte));
 }
 
+struct FolderKind {
+  const char* name = nullptr;  // null: no bag
+  std::unique_ptr<BagReader> (*open)(const std::filesystem::path&, std::uint64_t most_bytes) = nullptr;
+};
+
+FolderKind kind_of(const std::filesystem::path& folder) {
+  if (is_rosbag2_folder(folder)) return {"rosbag2 folder", open_rosbag2_folder};
+  const auto& layouts = folder_layouts();
+  const bool is_of_pictures = std::any_of(layouts.begin(), layouts.end(),
+                                          [&](const FolderLayout& layout) { return layout.recognises(folder); });
+  if (!is_of_pictures && holds_ros1_bags(folder)) return {"folder of a ROS 1 bag", open_ros1_folder};
+  return {};
+}
+
 }  // namespace
+
+const char* bag_folder_name(const std::filesystem::path& path) { return kind_of(path).name; }
 
 std::unique_ptr<BagReader> open_bag(const std::filesystem::path& path, const ReadOptions& options) {
   const std::uint64_t most = most_bytes(options);
   std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored))
-    return is_rosbag2_folder(path) ? open_rosbag2_folder(path, most) : nullptr;
+  if (std::filesystem::is_directory(path, ignored)) {
+    const FolderKind folder = kind_of(path);
+    return folder.open == nullptr ? nullptr : folder.open(path, most);
+  }
   bool is_packed = false;
   std::string start;
   {
@@ -58,7 +78,7 @@ std::unique_ptr<RecordSource> open_bag_log(std::unique_ptr<ByteSource> bytes, co
 }
 
 std::unique_ptr<RecordSource> open_bag_folder(const std::filesystem::path& folder, const ReadOptions& options) {
-  return open_bag_source(open_rosbag2_folder(folder, most_bytes(options)), folder, options);
+  return open_bag_source(open_bag(folder, options), folder, options);
 }
 
 }  // namespace mapweave::rawlog::ros

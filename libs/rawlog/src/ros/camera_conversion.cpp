@@ -53,6 +53,23 @@ void CameraConversion::calibrate(std::size_t topic, const CameraInfoMessage& mes
   if (!converted.remark.empty()) say_once(bag_ + ": camera '" + camera_.label + "': " + converted.remark);
   sides_[second].calibration = converted.camera;
   sides_[second].rectification = message;
+  if (converted.fisheye)
+    set_lens(sides_[second], *converted.fisheye);
+  else
+    sides_[second].lens.reset();
+}
+
+void CameraConversion::set_lens(Side& side, const std::array<double, 4>& fisheye) const {
+  if (camera_.kind == BagCameraKind::depth)
+    throw Error(ErrorCode::kUnsupported, "camera '" + camera_.label + "' measures depth with a fisheye lens", {},
+                "record rectified pictures and depth, or leave the camera out: name the topics to read in "
+                "reading.topics");
+  if (side.lens && side.lens->is_of(*side.calibration, fisheye)) return;
+  side.lens.emplace(*side.calibration, fisheye);
+  const auto view_deg = side.lens->view_deg();
+  say_once(bag_ + ": camera '" + camera_.label + "' has a fisheye lens: its pictures are rectified, " +
+           std::to_string(std::lround(view_deg[0])) + " x " + std::to_string(std::lround(view_deg[1])) +
+           " degrees of its view remain");
 }
 
 mrpt::img::TCamera CameraConversion::calibration_of(bool second, std::size_t columns, std::size_t rows) const {
@@ -90,6 +107,7 @@ void CameraConversion::add(std::size_t topic, MessageReader& reader, bool is_com
     decode(read_compressed_image(reader));
   else
     decode(read_image(reader));
+  if (sides_[second].lens) sides_[second].lens->rectify(picture.image);
   const bool is_alone = camera_.kind == BagCameraKind::mono || !camera_.first || is_apart_;
   if (is_alone) return make_single(picture, second, records);
   waiting_[second].push_back(std::move(picture));

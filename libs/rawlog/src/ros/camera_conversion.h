@@ -2,6 +2,7 @@
 // Pictures of one camera, a stereo pair or a depth camera become observations.
 
 #include "../record_source.h"
+#include "fisheye.h"
 #include "messages.h"
 #include "picture_messages.h"
 #include "topic_choice.h"
@@ -45,6 +46,7 @@ class CameraConversion {
   struct Side {
     std::optional<mrpt::img::TCamera> calibration;
     CameraInfoMessage rectification;  // of a stereo pair; its views are not used
+    std::optional<FisheyeLens> lens;  // whose pictures are rectified
   };
   struct Picture {
     PictureOrigin origin;
@@ -53,6 +55,7 @@ class CameraConversion {
   };
 
   bool is_second(std::size_t topic) const;
+  void set_lens(Side& side, const std::array<double, 4>& fisheye) const;
   bool is_depth(bool second) const { return second && camera_.kind == BagCameraKind::depth; }
   void match(bool is_last, std::vector<PlacedRecord>& records);
   void make(Picture& first, Picture& second, std::vector<PlacedRecord>& records);

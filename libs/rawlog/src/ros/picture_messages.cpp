@@ -19,6 +19,10 @@ namespace {
 constexpr std::uint32_t kMostSide = 20000;
 constexpr double kMillimetres = 1000.0;
 
+constexpr const char* kWithoutCamera =
+    "read rectified pictures, as image_proc makes them, or leave the camera out: name the topics to read in "
+    "reading.topics";
+
 constexpr int kNoConversion = -1;
 struct Encoding {
   std::string_view name;
@@ -152,6 +156,16 @@ NearestRadial nearest_radial(const std::vector<double>& d, double most_radius, d
   return {k, focal_px * (slopes * k - wanted).cwiseAbs().maxCoeff()};
 }
 
+// Nullopt for other lenses. Without distortion, too, such a lens bends straight lines.
+std::optional<std::array<double, 4>> fisheye_of(const CameraInfoMessage& message) {
+  if (message.distortion_model != "equidistant" && message.distortion_model != "fisheye") return std::nullopt;
+  const std::vector<double>& d = message.distortion;
+  if (d.size() < 4 || std::any_of(d.begin() + 4, d.end(), [](double value) { return value != 0.0; }))
+    throw Error(ErrorCode::kBadInput, "a calibration of a fisheye lens (" + std::string(message.distortion_model) +
+                                          ") has " + std::to_string(d.size()) + " numbers; 4 were expected");
+  return std::array<double, 4>{d[0], d[1], d[2], d[3]};
+}
+
 std::vector<double> distortion_of(const CameraInfoMessage& message, double fx, double fy, std::string& remark) {
   std::vector<double> d = message.distortion;
   const auto model = message.distortion_model;
@@ -165,9 +179,10 @@ std::vector<double> distortion_of(const CameraInfoMessage& message, double fx, d
     return d;
   }
   if (model != "rational_polynomial" || d.size() < 8)
-    throw Error(ErrorCode::kUnsupported, "a calibration has the distortion model '" + std::string(model) + "' of " +
-                                             std::to_string(d.size()) +
-                                             " numbers; plumb_bob (5) or rational_polynomial (8) were expected");
+    throw Error(ErrorCode::kUnsupported,
+                "a calibration has the distortion model '" + std::string(model) + "' of " + std::to_string(d.size()) +
+                    " numbers; plumb_bob (5), rational_polynomial (8) or equidistant (4) were expected",
+                {}, kWithoutCamera);
   const double x = 0.5 * message.width / fx, y = 0.5 * message.height / fy;
   const NearestRadial nearest = nearest_radial(d, std::hypot(x, y), fx);
   if (!nearest.k.allFinite()) throw Error(ErrorCode::kBadInput, "a calibration of rational_polynomial makes no sense");
@@ -243,7 +258,8 @@ ConvertedCalibration to_calibration(const CameraInfoMessage& message, bool is_re
   const double fx = is_rectified ? p[0] : k[0], fy = is_rectified ? p[5] : k[4];
   if (!(fx > 0.0 && fy > 0.0)) return converted;
   std::vector<double> distortion;
-  if (!is_rectified) distortion = distortion_of(message, fx, fy, converted.remark);
+  if (!is_rectified) converted.fisheye = fisheye_of(message);
+  if (!is_rectified && !converted.fisheye) distortion = distortion_of(message, fx, fy, converted.remark);
   const double binning_x = std::max(1U, message.binning_x), binning_y = std::max(1U, message.binning_y);
   const bool has_region = message.roi_width > 0 && message.roi_height > 0;
   const double width = std::floor((has_region ? message.roi_width : message.width) / binning_x);

@@ -8,6 +8,8 @@
 #include <mrpt/img/TCamera.h>
 #include <mrpt/math/CMatrixDynamic.h>
 
+#include <array>
+#include <optional>
 #include <string>
 
 namespace mapweave::rawlog::ros {
@@ -27,12 +29,13 @@ mrpt::math::CMatrix_u16 to_depth(const CompressedImageMessage& message);
 
 struct ConvertedCalibration {
   mrpt::img::TCamera camera;
-  std::string remark;  // what is not as the message says; empty where it is
+  std::string remark;                            // what is not as the message says; empty where it is
+  std::optional<std::array<double, 4>> fisheye;  // FisheyeLens; the camera is what remains of it
 };
 
 // Of raw pictures the camera matrix and distortion (plumb_bob; rational_polynomial as the radial-tangential model
-// nearest to it), of rectified ones the projection. Binning and the region of interest are taken into account. A camera
-// without a calibration (all zero) gets focal lengths of 0.
+// nearest to it; none of a fisheye lens, equidistant), of rectified ones the projection. Binning and the region of
+// interest are taken into account. A camera without a calibration (all zero) gets focal lengths of 0.
 ConvertedCalibration to_calibration(const CameraInfoMessage& message, bool is_rectified);
 
 }  // namespace mapweave::rawlog::ros

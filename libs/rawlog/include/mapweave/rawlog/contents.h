@@ -66,7 +66,7 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
 // The format's name, without reading further than needed to know it. Throws what open_log throws.
 std::string format_of_log(const std::filesystem::path& log);
 
-// Whether the log is a folder of pictures, which is of one camera; folders of rosbag2 are not.
+// Whether the log is a folder of pictures, which is of one camera; folders of ROS bags are not.
 bool is_picture_folder(const std::filesystem::path& log);
 
 // Whether the ground truth that comes with the log follows its camera's optical frame (folders of TUM RGB-D and KITTI)
