@@ -77,7 +77,7 @@ void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
     if (packed_begin_ == packed_end_) {
       packed_begin_ = 0;
       packed_end_ = 0;  // should reading throw
-      packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
+      packed_end_ = read_on(packed_buffer_.data(), packed_buffer_.size());
       if (packed_end_ == 0) {
         if (member_open_) throw fail("the gz ends early; its checksum was expected");
         ended_ = true;

@@ -20,7 +20,7 @@ namespace mapweave::rawlog {
 // taken.
 class ByteSource {
  public:
-  // follows: of a file that is not packed, its end is waited for while a GrowingLog writes it. Throws Error kMissing,
+  // follows: its end is waited for while a GrowingLog writes it. Throws Error kMissing,
   // kBadInput for an empty file.
   explicit ByteSource(std::filesystem::path path, bool follows = false);
   ~ByteSource();
