@@ -126,6 +126,10 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   const RobotId name(chosen("robot", arguments.name, names));
   const auto planned = std::find_if(deployment.plan.robots.begin(), deployment.plan.robots.end(),
                                     [&](const runtime::PlannedRobot& robot) { return robot.id == name; });
+  std::error_code ignored;
+  if (extension.has_log() && !std::filesystem::exists(planned->log, ignored))
+    throw Error(ErrorCode::kMissing, "there is no log " + planned->log.string(), "robot " + name.str(),
+                "robots' logs lie on their own machines; check `log` of this one");
   const runtime::NatsWires wires(deployment.loaded.configuration, planned->edge, kToConnect);
   PlanReader plans(wires, deployment);
   extension.begin(deployment, name.str(), signals);

@@ -38,7 +38,7 @@ class RobotNode : public NodeRole {
   using NodeRole::look;
   void begin(const app::Deployment& deployment, const std::string& name, app::StopSignals& stops) override;
   bool look(const app::StartingRobot&, const Status&) override;
-  bool has_log() const override { return recorder_->is_recording(); }
+  bool has_log() const override { return recorder_ && recorder_->is_recording(); }
   void end_log() override;
 
  private:

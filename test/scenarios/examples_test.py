@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import tempfile
 
+import ros1_bags
 import support
 from finding_test import EVERY_HELP
 from support import APART, DONE
@@ -64,8 +65,8 @@ class Examples(support.Scenario):
     def test_every_command_block_of_the_readme_runs(self):
         readme = (support.ROOT / "README.md").read_text()
         blocks = re.findall(r"^```\n(.*?)^```", readme, re.DOTALL | re.MULTILINE)
-        self.assertEqual(len(blocks), 2, "a new block: say here how it is tried")
-        building, own_logs = blocks
+        self.assertEqual(len(blocks), 3, "a new block: say here how it is tried")
+        building, own_logs, with_ros = blocks
         commands = {line.split("#")[0].strip() for line in building.splitlines()}
         self.assertEqual(commands, BUILDING)
         for script in commands:
@@ -75,6 +76,9 @@ class Examples(support.Scenario):
         self.shell("set -e\n" + own_logs)
         for name in ("maps/team/team/map.color.png", "maps/team/report.html", "maps/team/merges.json", "maps/alpha/map.color.png"):
             self.assertTrue((self.folder / name).exists(), name)
+        (self.folder / "office.bag").write_bytes(ros1_bags.bag(ros1_bags.drive()))
+        self.shell("set -e\n" + with_ros.split("\n\n")[1])   # what precedes needs a ROS master: ros_nodes_test.py
+        self.assertTrue((self.folder / "office_map.mcap").exists())
 
     def examples(self):
         for verb in EVERY_HELP:
