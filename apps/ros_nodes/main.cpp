@@ -102,6 +102,7 @@ ExitCode run_program(int argc, char** argv) {
       program.add_subcommand("cloud", "merges the maps of all edges, publishes the team's, and writes it");
   CLI::App* coordinator = program.add_subcommand("coordinator", "gives robots to edges, again and again");
   add_team_arguments(*team, given.team);
+  for (CLI::App* one : {team, robot, edge, cloud, coordinator}) one->group("Verbs");
   for (CLI::App* one : {robot, edge, cloud, coordinator}) add_role_arguments(*one, given.role);
   for (CLI::App* one : {robot, edge})
     one->add_option("--name", given.role.name, "which one of the configuration it is")->type_name("NAME");
