@@ -55,6 +55,10 @@ void RobotNode::end_log() {
   if (recorder_) recorder_->finish();
 }
 
+void RobotNode::leave_log() {
+  if (recorder_) recorder_->leave();
+}
+
 void RobotNode::register_again() {
   recorder_->subscribe_again();
   end_->register_at(node());

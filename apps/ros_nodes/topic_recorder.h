@@ -36,7 +36,8 @@ class TopicRecorder {
   // kBadInput where it is not clear which topics it should take, and kCannotWrite where the disk is full.
   void look();
   bool is_recording() const;
-  void finish();                                                 // what comes later is left out
+  void finish();  // what comes later is left out
+  void leave();   // the program ends: another one goes on with the recording, unless it is finished
   const std::string& robot_namespace() const { return space_; }  // "alpha"; empty: none. Once it records
   RecorderCounts counts() const;
 
