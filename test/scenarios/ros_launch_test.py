@@ -94,6 +94,11 @@ class KeepRunning(Program):
         kept.send_signal(signal.SIGINT)
         self.assert_ends(kept, 130, 3)
 
+    def test_what_has_left_its_results_is_done(self):
+        kept = self.keep("echo begun; touch map; exit 3", "--service", "--until", "map")
+        self.assert_ends(kept, 3)
+        self.assertEqual(kept.log.read_text(), "begun\n")
+
     def test_an_interrupt_comes_once_and_is_a_pause_to_services(self):
         script = "trap 'echo INT; exit 0' INT; trap 'echo TERM; exit 130' TERM; echo begun; while :; do sleep 0.05; done"
         for options, word, code in (((), "INT", 0), (("--service",), "TERM", 130)):
@@ -130,19 +135,19 @@ class Launch(Program):
 
     def asked(self, *command, code=0):
         done = subprocess.run([str(word) for word in command], cwd=self.folder, env=self.variables(), capture_output=True, text=True,
-                              timeout=60 * support.PATIENCE, check=False)
+                              timeout=20 * support.PATIENCE, check=False)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         return done.stdout
 
     def launch(self, *words):
         return self.begin("roslaunch", "-p", self.port, "mapweave", *words)
 
-    def play(self, scans, speed):
-        (self.folder / "messages").write_bytes(pickle.dumps(drives(scans)))
+    def play(self, messages, speed):
+        (self.folder / "messages").write_bytes(pickle.dumps(messages))
         return self.begin(PYTHON, "-B", HERE / "ros_player.py", "messages", speed)
 
     def call(self, service):
-        self.assertIn("success: True", self.asked("rosservice", "call", service))
+        self.assertIn("success: True", self.asked("rosservice", "call", "--wait", service))
 
     def children_of(self, process):
         """{process: command line} of all that it started."""
@@ -199,6 +204,7 @@ class Launch(Program):
             self.assertEqual(self.asked("roslaunch", "--nodes", "mapweave", file, *arguments), f"/{node}\n")
             command = self.asked("roslaunch", "--args", f"/{node}", "mapweave", file, *arguments)
             start = [str(self.prefix / "share/mapweave/keep_running"), *(["--service"] if expected[0] != "team" else []),
+                     *(["--until", "map"] if expected[0] == "cloud" else []),
                      str(self.prefix / "share/mapweave/mapweave_ros"), *expected, f"__name:={node}"]
             self.assertEqual(command.strip(), " ".join(start))
         nodes = self.asked("roslaunch", "--nodes", "mapweave", "all.launch", config, "out:=map", "coordinator:=true").split()
@@ -212,7 +218,7 @@ class Launch(Program):
 
     def test_a_team_is_mapped_though_its_node_is_killed(self):
         launched = self.launch("team.launch", "robots:=alpha beta", "out:=maps/room", "options:=--set live.preview_period_s=0.5")
-        player = self.play(80, 8.0)
+        player = self.play(drives(80), 8.0)
         self.await_word(player, "begins")
         time.sleep(0.5)
         self.kill_node(launched, "team")
@@ -236,18 +242,19 @@ class Launch(Program):
         self.write("office.yaml", (self.prefix / "share/mapweave/launch/all.yaml").read_text())
         words = ["all.launch", "config:=office.yaml", "out:=maps/room", f"port:={self.broker_port}", "options:=--set live.preview_period_s=0.5"]
         launched = self.launch(*words)
-        player = self.play(160, 8.0)
+        middle, messages = 1010.0, drives(100)
+        player = self.play([message for message in messages if message[2] < middle], 8.0)
         self.await_word(player, "begins")
         self.kill_node(launched, "edge")
         self.await_word(launched, "it is started again")
         launched.send_signal(signal.SIGINT)
         self.assert_ends(launched, 0)
         self.assertFalse((self.folder / "maps/room").exists(), "Ctrl-C is a pause")
-        self.assertNotIn("escalating", launched.log.read_text())
+        self.assertNotIn("escalating", launched.log.read_text(), "they end at once")
         self.end(player)
         launched = self.launch(*words)
-        self.play(160, 8.0)
         self.await_word(launched, "goes on with the recording", 2)
+        self.assert_ends(self.play([message for message in messages if message[2] >= middle or "tf" in message[0]], 8.0), 0)
         for robot in ROBOTS:
             self.call(f"/{robot}/finish")
         self.assert_ends(launched, 0)
