@@ -92,7 +92,7 @@ ExitCode run_program(int argc, char** argv) {
   program.set_version_flag("-v,--version", "mapweave_ros " + runtime::program_version());
   program.require_subcommand(1);
   program.footer(
-      "Names can be remapped as those of any node: mapweave_ros team tb0 --out maps/office /tb0/odom:=/tb0/odometry\n"
+      "Names can be remapped as those of any node: mapweave_ros team tb0 --out maps/office /tb0/odom:=/tb0/odometry\n\n"
       "Exit codes: as mapweave's.");
   Arguments given;
   CLI::App* team = program.add_subcommand("team", "maps a whole team: robots, edges and cloud in one node");

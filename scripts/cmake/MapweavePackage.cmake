@@ -1,5 +1,5 @@
 # The Debian packages: scripts/package, or cpack -G DEB in a build folder. What they hold is said by install() beside it: mapweave, and the
-# component ros, which is a package of its own: it needs about 20 packages of ROS.
+# component ros, which is a package of its own: with it 38 more packages would be installed.
 set(CPACK_PACKAGE_NAME mapweave)
 set(CPACK_PACKAGE_VENDOR "The mapweave authors")
 set(CPACK_PACKAGE_CONTACT "The mapweave authors <mapweave@localhost>")
@@ -8,6 +8,7 @@ set(CPACK_COMPONENTS_ALL Unspecified)
 if(MAPWEAVE_HAS_ROS)
   list(APPEND CPACK_COMPONENTS_ALL ros)
 endif()
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")   # descriptions begin with theirs
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_NAME mapweave)
 set(CPACK_DEBIAN_UNSPECIFIED_DESCRIPTION "${PROJECT_DESCRIPTION}
 Maps what robots recorded with lasers and cameras, on the robots, on edge
