@@ -3,8 +3,10 @@ import gzip
 import os
 import pathlib
 import pickle
+import random
 import re
 import signal
+import socket
 import subprocess
 import time
 import unittest
@@ -25,6 +27,17 @@ def missing():
         return "this build has no nodes of ROS"
     done = subprocess.run([PYTHON, "-c", "import rospy, roslaunch, rosmaster, rosmsg, std_srvs.srv"], capture_output=True, text=True, check=False)
     return done.stderr.strip().splitlines()[-1] if done.returncode else ""
+
+
+def free_port():
+    """Below those that programs of ROS take for themselves meanwhile."""
+    while True:
+        with socket.socket() as listener:
+            try:
+                listener.bind(("127.0.0.1", random.randrange(20000, 30000)))
+                return listener.getsockname()[1]
+            except OSError:
+                pass
 
 
 def drives(scans):
@@ -108,6 +121,14 @@ class KeepRunning(Program):
             self.assert_ends(kept, code)
             self.assertEqual(kept.log.read_text(), f"begun\n{word}\n")
 
+    def test_a_broker_ends_after_those_who_need_it(self):
+        kept = self.keep("echo begun; sleep 100", "--service", "--linger", "2")
+        self.await_word(kept, "begun")
+        asked = time.monotonic()
+        kept.send_signal(signal.SIGINT)
+        self.assert_ends(kept, 128 + signal.SIGTERM)
+        self.assertGreater(time.monotonic() - asked, 2.0)
+
     def test_nothing_runs_on_where_it_is_killed(self):
         kept = self.keep("echo pid $$; sleep 100 & wait")
         self.await_word(kept, "\n")
@@ -123,7 +144,7 @@ class Launch(Program):
         if why:
             self.skipTest(why)
         super().setUp()
-        self.port, self.broker_port = serve_test.free_port(), serve_test.free_port()
+        self.port, self.broker_port = free_port(), free_port()
         self.prefix = self.folder / "usr"
         done = subprocess.run(["cmake", "--install", BUILD, "--component", "ros", "--prefix", self.prefix], capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
