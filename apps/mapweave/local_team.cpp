@@ -57,6 +57,10 @@ void LocalTeam::end() {
   for (StartingRobot& robot : robots_) robot.end();
 }
 
+void LocalTeam::leave() {
+  for (StartingRobot& robot : robots_) robot.leave();
+}
+
 nlohmann::ordered_json LocalTeam::status(const std::string& program, const runtime::StatusTerms& terms) const {
   std::vector<nlohmann::ordered_json> tiers{runtime::tier_status(cloud_->counts(), terms)};
   for (const auto& [name, edge] : edges_) tiers.push_back(runtime::tier_status(name, edge->counts(), terms));

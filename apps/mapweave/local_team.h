@@ -37,8 +37,9 @@ class LocalTeam {
   runtime::LiveEdge& edge(const TierId& name) { return *edges_.at(name); }
   const std::list<StartingRobot>& robots() const { return robots_; }  // as they are planned
 
-  void look();  // now and then: keeps wires, starts robots. Throws as StartingRobot::look
-  void end();   // all robots end
+  void look();   // now and then: keeps wires, starts robots. Throws as StartingRobot::look
+  void end();    // all robots end
+  void leave();  // nothing more is said for any robot: another team goes on
   nlohmann::ordered_json status(const std::string& program, const runtime::StatusTerms&) const;
 
  private:

@@ -133,8 +133,10 @@ class RoleExtension {
   virtual bool look(runtime::LiveCoordinator&, const Status&) { return false; }
   virtual bool shows_maps() const { return false; }  // an edge's and a cloud's previews are to be kept
   virtual bool has_log() const { return true; }      // of the robot: it is there, though it may still be written
-  // No more of the robot's log will be needed, or the program ends: whoever writes the log finishes it.
+  // The drive ends: whoever writes the robot's log finishes it.
   virtual void end_log() {}
+  // The program ends: whoever writes the log closes it; an unfinished one is gone on with.
+  virtual void leave_log() {}
 };
 
 ExitCode serve_robot(const RoleArguments&, RoleExtension&);

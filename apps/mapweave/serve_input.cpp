@@ -40,6 +40,7 @@ class InputAsLog final : public RoleExtension {
 
   bool has_log() const override { return copied_ >= kEnoughBytes || (is_ended_ && copied_ > 0); }
   void end_log() override { stop(); }
+  void leave_log() override { stop(); }
 
  private:
   void stop() {

@@ -73,15 +73,19 @@ std::unique_ptr<runtime::PageServer> page_if_wanted(const Deployment& deployment
 
 bool has_said_all(const runtime::LiveRobotCounts& robot) { return robot.is_read && robot.confirmed >= robot.messages; }
 
-// Whoever writes a log that is followed must end before who reads it does.
+// Whoever writes a log that is followed must end before who reads it does, which must not take it for the drive's end.
 class LogEnd {
  public:
-  explicit LogEnd(RoleExtension& extension) : extension_(extension) {}
-  ~LogEnd() { extension_.end_log(); }
+  LogEnd(StartingRobot& robot, RoleExtension& extension) : robot_(robot), extension_(extension) {}
+  ~LogEnd() {
+    robot_.leave();
+    extension_.leave_log();
+  }
   LogEnd(const LogEnd&) = delete;
   LogEnd& operator=(const LogEnd&) = delete;
 
  private:
+  StartingRobot& robot_;
   RoleExtension& extension_;
 };
 
@@ -136,7 +140,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   StartingRobot robot(
       *planned, deployment.loaded.configuration, [&](const TierId& edge) { return wires.from_robot(name, edge)(); },
       [&] { return extension.has_log(); });
-  const LogEnd log_end(extension);
+  const LogEnd log_end(robot, extension);
   const auto progress = make_terminal_progress();
   RobotLines lines(name, *progress);
   const auto status = [&] {

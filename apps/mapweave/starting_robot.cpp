@@ -63,6 +63,11 @@ void StartingRobot::end() {
   if (started_ && !configuration_.reading.follow) started_->end();
 }
 
+void StartingRobot::leave() {
+  const std::lock_guard lock(mutex_);
+  if (started_) started_->leave();
+}
+
 void StartingRobot::follow(const runtime::LivePlan& plan) {
   const std::lock_guard lock(mutex_);
   plan_ = plan;

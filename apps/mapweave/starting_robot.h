@@ -10,7 +10,8 @@
 
 namespace mapweave::app {
 
-// Thread-safe. A log that is read while it is written (reading.follow) must be finished before this is let go of.
+// Thread-safe. A log that is read while it is written (reading.follow) must be finished or closed before this is let go
+// of.
 class StartingRobot {
  public:
   // Looks into the log on a thread of its own, once there is one (has_log; null: it is there). The configuration must
@@ -24,6 +25,7 @@ class StartingRobot {
   // As LiveRobot's; where there is no log yet, its edge is informed that it has none. A log that is read while it is
   // written ends the drive when it is finished, and is read to its end.
   void end();
+  void leave();  // as LiveRobot's
   void follow(const runtime::LivePlan& plan);
   runtime::LiveRobotCounts counts() const;  // of one that has not started: that it has sensed nothing
   bool is_done() const;

@@ -92,7 +92,7 @@ ExitCode run_program(int argc, char** argv) {
   program.set_version_flag("-v,--version", "mapweave_ros " + runtime::program_version());
   program.require_subcommand(1);
   program.footer(
-      "Names can be remapped as those of any node: mapweave_ros team tb0 --out maps/office /tb0/odom:=/tb0/odometry\n"
+      "Names can be remapped as those of any node: mapweave_ros team tb0 --out maps/office /tb0/odom:=/tb0/odometry\n\n"
       "Exit codes: as mapweave's.");
   Arguments given;
   CLI::App* team = program.add_subcommand("team", "maps a whole team: robots, edges and cloud in one node");
@@ -102,6 +102,7 @@ ExitCode run_program(int argc, char** argv) {
       program.add_subcommand("cloud", "merges the maps of all edges, publishes the team's, and writes it");
   CLI::App* coordinator = program.add_subcommand("coordinator", "gives robots to edges, again and again");
   add_team_arguments(*team, given.team);
+  for (CLI::App* one : {team, robot, edge, cloud, coordinator}) one->group("Verbs");
   for (CLI::App* one : {robot, edge, cloud, coordinator}) add_role_arguments(*one, given.role);
   for (CLI::App* one : {robot, edge})
     one->add_option("--name", given.role.name, "which one of the configuration it is")->type_name("NAME");

@@ -50,6 +50,10 @@ void RobotNode::end_log() {
   if (recorder_) recorder_->finish();
 }
 
+void RobotNode::leave_log() {
+  if (recorder_) recorder_->leave();
+}
+
 bool EdgeNode::look(runtime::LiveEdge& edge, const Status& status) {
   turn(status);
   if (topics_) return false;

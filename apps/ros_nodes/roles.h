@@ -40,6 +40,7 @@ class RobotNode : public NodeRole {
   bool look(const app::StartingRobot&, const Status&) override;
   bool has_log() const override { return recorder_ && recorder_->is_recording(); }
   void end_log() override;
+  void leave_log() override;
 
  private:
   std::optional<TopicRecorder> recorder_;

@@ -7,6 +7,7 @@
 #include <local_team.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
+#include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 
 #include <nlohmann/json.hpp>
@@ -46,7 +47,7 @@ class Recorders {
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
       by_robot_[robot.id] = std::make_unique<TopicRecorder>(node.handle(), robot, deployment.loaded.configuration);
   }
-  ~Recorders() { finish(); }
+  ~Recorders() = default;
   Recorders(const Recorders&) = delete;
   Recorders& operator=(const Recorders&) = delete;
 
@@ -57,6 +58,9 @@ class Recorders {
   void finish(const RobotId& robot) { by_robot_.at(robot)->finish(); }
   void finish() {
     for (auto& [robot, recorder] : by_robot_) recorder->finish();
+  }
+  void leave() {
+    for (auto& [robot, recorder] : by_robot_) recorder->leave();
   }
 
  private:
@@ -118,11 +122,15 @@ ExitCode serve_team(const TeamArguments& arguments) {
   app::LocalTeam team(deployment.loaded.configuration, deployment.plan, store,
                       {arguments.flags.out, arguments.flags.force, true}, *progress,
                       [&](const RobotId& robot) { return recorders.has_log(robot); });
-  // Recorders end first: a robot waits for its log's end.
+  // Recorders end first: a robot waits for its log's end, and must not take this one for the drive's.
   struct LogsEnd {
+    app::LocalTeam& team;
     Recorders& recorders;
-    ~LogsEnd() { recorders.finish(); }
-  } const logs_end{recorders};
+    ~LogsEnd() {
+      team.leave();
+      recorders.leave();
+    }
+  } const logs_end{team, recorders};
   const auto status = [&] { return team.status("team", since.terms()); };
   std::unique_ptr<runtime::PageServer> page;
   if (arguments.port >= 0) {
@@ -138,6 +146,8 @@ ExitCode serve_team(const TeamArguments& arguments) {
   const runtime::Report report = app::wait_for_results(
       team.cloud(), stops,
       [&] {
+        if (stops.asks_for_a_pause())
+          throw Interrupted("interrupted; the team goes on from " + store.string() + " when it is started again");
         recorders.finish();
         team.end();
       },

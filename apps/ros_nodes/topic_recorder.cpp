@@ -214,6 +214,12 @@ void TopicRecorder::finish() {
   if (recorder_) recorder_->finish();
 }
 
+void TopicRecorder::leave() {
+  const std::lock_guard lock(mutex_);
+  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
+  recorder_.reset();
+}
+
 RecorderCounts TopicRecorder::counts() const {
   const std::lock_guard lock(mutex_);
   RecorderCounts counts;

@@ -35,6 +35,7 @@ class TopicRecorder {
   void look();
   bool is_recording() const;
   void finish();  // what comes later is left out
+  void leave();   // the program ends: another one goes on with the recording, unless it is finished
   RecorderCounts counts() const;
 
  private:

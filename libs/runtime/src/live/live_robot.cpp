@@ -351,13 +351,15 @@ LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configur
 }
 
 LiveRobot::~LiveRobot() {
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->gives_up = true;
-    state_->changed.notify_all();
-  }
+  leave();
   state_->reader.join();
   state_->speaker.join();
+}
+
+void LiveRobot::leave() {
+  const std::lock_guard lock(state_->mutex);
+  state_->gives_up = true;
+  state_->changed.notify_all();
 }
 
 void LiveRobot::end() {

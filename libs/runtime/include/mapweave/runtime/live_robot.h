@@ -51,6 +51,8 @@ class LiveRobot {
 
   // The recording ends where it is.
   void end();
+  // Nothing more is said, its end neither: another one goes on with the recording. Its log may end from then on.
+  void leave();
   // Goes to the edge that the plan names for it, if that is another one: ends the wire to the one before, and says to
   // the new one, from the beginning of its recording, what that does not have. An older plan than before is passed
   // over.
