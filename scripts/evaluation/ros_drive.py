@@ -1,7 +1,7 @@
 """Publishes pickled messages over ROS as they were sensed, and measures how soon a scan is in its robot's map:  ros_drive.py FILE SPEED
 
 Messages: (topic, type, seconds, serialized), by time. Begins once each scan and odometry topic has a subscriber. Prints JSON: median_s, p95_s and longest_s from the publication of a
-scan to the arrival of the robot's path that has a pose of its stamp, or of a later one.
+scan to the arrival of the robot's path that has a pose of its stamp. Scans that the map leaves out, since the robot stood still, do not count.
 """
 import collections
 import json
@@ -27,10 +27,12 @@ def take(path, robot):
     now = time.time()
     if not path.poses:
         return
-    newest = path.poses[-1].header.stamp.to_nsec()
+    stamps = {pose.header.stamp.to_nsec() for pose in path.poses[-2000:]}
     with lock:
-        while waiting[robot] and waiting[robot][0][0] <= newest:
-            took.append(now - waiting[robot].popleft()[1])
+        while waiting[robot] and waiting[robot][0][0] <= max(stamps):
+            stamp, sent = waiting[robot].popleft()
+            if stamp in stamps:
+                took.append(now - sent)
 
 
 for robot in {topic.split("/")[1] for topic in publishers if topic.endswith("/scan")}:
