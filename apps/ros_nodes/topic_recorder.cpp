@@ -208,15 +208,25 @@ void TopicRecorder::take(std::size_t topic, const Message& message) {
   }
 }
 
+// Not under mutex_: roscpp waits for a message that is being taken, which waits for mutex_.
+void TopicRecorder::unsubscribe() {
+  std::vector<ros::Subscriber> subscribers;
+  {
+    const std::lock_guard lock(mutex_);
+    subscribers.swap(subscribers_);
+  }
+  for (ros::Subscriber& subscriber : subscribers) subscriber.shutdown();
+}
+
 void TopicRecorder::finish() {
+  unsubscribe();
   const std::lock_guard lock(mutex_);
-  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
   if (recorder_) recorder_->finish();
 }
 
 void TopicRecorder::leave() {
+  unsubscribe();
   const std::lock_guard lock(mutex_);
-  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
   recorder_.reset();
 }
 

@@ -45,6 +45,7 @@ class TopicRecorder {
   void begin(std::vector<rawlog::RecordedTopic> topics);
   void expect_topics();
   void subscribe();
+  void unsubscribe();
   void take(std::size_t topic, const Message& message);
   bool is_of_mapweave(const std::string& publisher);
 
