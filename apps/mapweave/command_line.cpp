@@ -196,7 +196,7 @@ std::vector<std::string> with_help_as_flag(std::vector<std::string> arguments) {
 
 Error usage_error(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& verb = last_parsed(program);
-  const std::string name = full_name(verb), help = "mapweave" + (name.empty() ? "" : " " + name) + " --help";
+  const std::string name = full_name(verb), help = program.get_name() + (name.empty() ? "" : " " + name) + " --help";
   const auto because = [&](const std::string& what, const std::string& remedy) {
     return Error(ErrorCode::kUsage, what, name, remedy.empty() ? help + " shows what there is" : remedy);
   };
