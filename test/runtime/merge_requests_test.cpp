@@ -148,7 +148,8 @@ TEST_F(MergeRequestsTest, a_pair_that_is_refused_may_meet_in_a_third_ones_map) {
   EXPECT_GT(refused.merge->probability, 0.9);
   EXPECT_THAT(in_words(refused),
               testing::StartsWith("robot0 + robot2: in one map, through robot1 (the merge of robot0"));
-  EXPECT_THAT(in_words(refused), testing::EndsWith("; not matched to each other: the user excluded this pair"));
+  EXPECT_THAT(in_words(refused),
+              testing::EndsWith("; not matched to each other by themselves: the user excluded this pair"));
   const auto pair = merges_json(report)[1];
   EXPECT_EQ(pair["accepted"], false);
   EXPECT_EQ(pair["in_one_map"], true);

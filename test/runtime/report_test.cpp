@@ -116,9 +116,8 @@ TEST(Report, says_which_merge_put_maps_into_one) {
 
   Verdict through = verdict(Decision::deferred, Reason::little_evidence);
   through.in_one_map = InOneMap{{}, {MapId("gamma")}};
-  EXPECT_THAT(in_words(through),
-              testing::StartsWith(
-                  "alpha + beta: in one map, through gamma; not matched to each other: what fits may fit by chance"));
+  EXPECT_THAT(in_words(through), testing::StartsWith("alpha + beta: in one map, through gamma; not matched to each "
+                                                     "other by themselves: what fits may fit by chance"));
 }
 
 TEST(Report, counts_what_each_proposer_found) {

@@ -140,6 +140,33 @@ TEST_F(CloudTest, merges_what_an_edge_merged_and_takes_whole_maps_in_their_place
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(from_whole.seal(pool, *progress)));
 }
 
+// What thinned maps leave open, all scans may decide.
+TEST_F(CloudTest, wants_thinned_maps_whole_that_stayed_apart_in_doubt) {
+  const auto team = simulation::make_apartment({}, {});
+  const Map map = test::mapped(team.robots[0], team.laser);
+  EdgeServer edge(TierId("north"), {team.robots[0].id}, {});
+  for (const std::string& bytes : edge.step({team.robots[0].id, map, std::nullopt}, pool, *progress).for_cloud)
+    cloud.receive(bytes, "test");
+  const Map other = test::make_map("zeta", 6, 100.0, 2.0);
+  cloud.receive(first_update(other, TierId("south")), "test");
+  fusion::FusionResult apart;
+  for (const MapId& id : {map.id, other.id}) {
+    apart.components.emplace_back();
+    apart.components.back().members = {id};
+  }
+  apart.verdicts.emplace_back();
+  apart.verdicts[0].a = map.id;
+  apart.verdicts[0].b = other.id;
+  apart.verdicts[0].probability = 0.001;
+  EXPECT_TRUE(cloud.wanted_as_whole(apart).empty()) << "nothing may fit";
+  apart.verdicts[0].probability = 0.85;
+  const std::map<TierId, std::vector<MapId>> thinned{{TierId("north"), {map.id}}};
+  EXPECT_EQ(cloud.wanted_as_whole(apart), thinned) << "of one robot all is here";
+  EXPECT_TRUE(cloud.notes(apart).empty());
+  for (const std::string& bytes : edge.whole_maps({map.id}).for_cloud) cloud.receive(bytes, "test");
+  EXPECT_TRUE(cloud.wanted_as_whole(apart).empty());
+}
+
 // An edge merged two robots and thinned their maps; when the cloud takes them apart, the edge is gone.
 TEST_F(CloudTest, keeps_every_pose_where_the_edge_that_thinned_the_maps_is_gone) {
   simulation::TeamOptions options;

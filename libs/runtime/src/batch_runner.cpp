@@ -308,8 +308,9 @@ void TeamRun::merge_in_cloud() {
   const auto wanted = cloud_.wanted_as_whole(team_);
   for (MeteredEdge& edge : edges_)
     if (const auto maps = wanted.find(edge.id()); maps != wanted.end()) {
-      report_.notes.push_back("edge " + edge.id().str() +
-                              " merged maps that the cloud takes apart again; it sent them as a whole");
+      report_.notes.push_back(
+          "edge " + edge.id().str() +
+          " sent whole maps: the cloud took a merge of thinned maps apart, or could not decide by them");
       send_to_cloud(edge.whole_maps(maps->second).for_cloud, "edge " + edge.id().str());
     }
   if (!wanted.empty()) team_ = cloud_.seal(pool_, progress_);

@@ -81,7 +81,7 @@ std::string in_words(const Verdict& verdict) {
   if (verdict.in_one_map) {
     const std::string how = verdict.merge ? " (" + merge_in_words(*verdict.merge) + ")" : "";
     return pair + "in one map" + (through.empty() ? "" : ", " + through) + how +
-           "; not matched to each other: " + doubt_in_words(verdict);
+           "; not matched to each other by themselves: " + doubt_in_words(verdict);
   }
   return pair + (verdict.decision == Decision::deferred ? "not decided: " : "kept apart: ") + doubt_in_words(verdict);
 }

@@ -24,6 +24,31 @@ Map part_of(const Map& map, const std::set<SubmapId>& submaps) {
   return part;
 }
 
+// The edge left scans out.
+bool is_thinned(const Map& map) {
+  return std::any_of(map.nodes.begin(), map.nodes.end(),
+                     [](const auto& entry) { return entry.second.payload == nullptr; });
+}
+
+// Of maps of lasers that stayed apart, though this probable an alignment is known: all scans may decide it.
+constexpr double kWorthAsking = 0.05;
+
+std::set<MapId> teams_in_doubt(const fusion::FusionResult& result) {
+  std::map<MapId, const fusion::Component*> component_of;
+  for (const fusion::Component& component : result.components)
+    for (const MapId& id : component.members) component_of[id] = &component;
+  std::set<MapId> maps;
+  for (const Verdict& verdict : result.verdicts) {
+    if (verdict.decision == Decision::accepted || verdict.kind != "laser" || verdict.probability < kWorthAsking)
+      continue;
+    const auto a = component_of.find(verdict.a), b = component_of.find(verdict.b);
+    if (a == component_of.end() || b == component_of.end() || a->second == b->second) continue;
+    for (const fusion::Component* team : {a->second, b->second})
+      maps.insert(team->members.begin(), team->members.end());
+  }
+  return maps;
+}
+
 PairToJudge as_sent(const fusion::FirstPair& pair) {
   PairToJudge sent{pair.a, pair.b, {}, pair.have_cameras};
   for (const fusion::SubmapPair& submaps : pair.submaps) {
@@ -47,12 +72,14 @@ Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
                 "map '" + origin.map.str() + "' comes from '" + origin.tier.str() + "' and from '" +
                     known->second.receipt().origin.tier.str() + "'",
                 where, "each robot ships to exactly one edge");
-  if (known != inboxes_.end() && update.base == 0 && update.sequence > known->second.receipt().stored)
+  if (known != inboxes_.end() && update.base == 0 && update.sequence > known->second.receipt().stored) {
+    came_whole_.insert(origin.map);
     merged_.erase(std::remove_if(merged_.begin(), merged_.end(),
                                  [&](const MergedMaps& merged) {
                                    return std::binary_search(merged.members.begin(), merged.members.end(), origin.map);
                                  }),
                   merged_.end());
+  }
   UpdateInbox fresh(origin);
   UpdateInbox& inbox = known != inboxes_.end() ? known->second : fresh;
   for (const MapUpdate& stored : inbox.receive(std::move(update), bytes.size(), where))
@@ -66,15 +93,28 @@ void CloudMerger::receive_merged(std::string_view bytes, const std::string& wher
 }
 
 std::map<TierId, std::vector<MapId>> CloudMerger::wanted_as_whole(const fusion::FusionResult& result) const {
-  std::map<TierId, std::vector<MapId>> wanted;
-  for (const std::vector<MapId>& members : result.reopened)
-    for (const MapId& id : members) wanted[inboxes_.at(id).receipt().origin.tier].push_back(id);
+  std::map<TierId, std::vector<MapId>> wanted = taken_apart(result);
+  std::set<MapId> asked;
+  for (const auto& entry : wanted) asked.insert(entry.second.begin(), entry.second.end());
+  for (const MapId& id : teams_in_doubt(result)) {
+    const auto inbox = inboxes_.find(id);  // none: of a session before
+    if (inbox != inboxes_.end() && came_whole_.count(id) == 0 && is_thinned(inbox->second.map()) &&
+        asked.insert(id).second)
+      wanted[inbox->second.receipt().origin.tier].push_back(id);
+  }
   return wanted;
+}
+
+std::map<TierId, std::vector<MapId>> CloudMerger::taken_apart(const fusion::FusionResult& result) const {
+  std::map<TierId, std::vector<MapId>> apart;
+  for (const std::vector<MapId>& members : result.reopened)
+    for (const MapId& id : members) apart[inboxes_.at(id).receipt().origin.tier].push_back(id);
+  return apart;
 }
 
 std::vector<std::string> CloudMerger::notes(const fusion::FusionResult& result) const {
   std::vector<std::string> notes;
-  for (const auto& [edge, maps] : wanted_as_whole(result)) {
+  for (const auto& [edge, maps] : taken_apart(result)) {
     std::string names;
     for (const MapId& id : maps) names += (names.empty() ? "'" : ", '") + id.str() + "'";
     notes.push_back("edge " + edge.str() + " merged the maps " + names +

@@ -47,7 +47,7 @@ def measure(bench, cut):
 
 
 def run_by_edges(bench, cut, merges):
-    """The same by `run` with two edges: whether the cloud says the same of every pair."""
+    """The same by `run` with two edges: whether the cloud says the same of every pair: in one map, or why not."""
     folder = bench.scratch(f"{cut.log}-{cut.key()}-edges")
     logs = cut.write_parts(bench.program, folder / "logs")
     lines = [f"  - {{id: {robot}, log: {json.dumps(str(log))}, edge: e{i % 2}}}\n" for i, (robot, log) in enumerate(zip(cut.robot_names(), logs))]
@@ -55,7 +55,7 @@ def run_by_edges(bench, cut, merges):
     bench.program("run", folder / "team.yaml", "--out", folder / "run", "--force", "--threads", 1, "--set", "output.png=false", "--set", "output.pcd=false", "--set", "output.report=false")
 
     def said(verdicts):
-        return sorted((verdict["a"], verdict["b"], verdict["decision"], verdict["reason"]) for verdict in verdicts)
+        return sorted((verdict["a"], verdict["b"], *(("in one map",) if verdict["in_one_map"] else (verdict["decision"], verdict["reason"]))) for verdict in verdicts)
     return said(merges) == said(verdict for verdict in json.loads((folder / "run/merges.json").read_text()) if verdict["tier"] == "cloud")
 
 

@@ -8,7 +8,7 @@ from benches.team_bench.program import Failed
 
 TEAMS = (("fr079", 3), ("mit-killian", 3), ("freiburg-101", 3))
 NAMES = {"as they are": ("r0", "r1", "r2"), "the other way round": ("z", "k", "b"), "turned": ("m", "zz", "a")}
-SAME_M, SAME_DEG = 1e-3, 0.01
+SAME_M, SAME_DEG = 0.01, 0.05    # another name is another side to match a pair from: a fifth of a cell
 MOVED = (13.7, -8.1, 2.2)
 MOVED_M, MOVED_DEG = 0.02, 0.2   # text has six digits: a moved odometry differs by its rounding
 
@@ -40,17 +40,18 @@ def said(merges, names):
 
 
 def differences(one, other, metres, degrees):
-    """What two runs say otherwise, in words. Transforms count where a pair is joined."""
-    texts = []
+    """What two runs say otherwise, in words, and the farthest that a pair which both join lies aside, in m. Transforms count where a pair is joined."""
+    texts, farthest = [], 0.0
     for pair in sorted(set(one) | set(other)):
         a, b = one.get(pair), other.get(pair)
         if a is None or b is None or a[:2] != b[:2]:
             texts.append(f"{pair}: {a and a[:2]} and {b and b[:2]}")
         elif a[0] == "accepted":
             x, y, yaw = carmen.between(a[2], b[2])
+            farthest = max(farthest, math.hypot(x, y))
             if math.hypot(x, y) > metres or abs(math.degrees(carmen.wrap(yaw))) > degrees:
                 texts.append(f"{pair}: {math.hypot(x, y):.4f} m, {abs(math.degrees(yaw)):.3f} deg")
-    return texts
+    return texts, farthest
 
 
 def outputs(out):
@@ -73,11 +74,12 @@ def measure(bench, log, robots):
             plain, maps = said(merges, names), some
             row["joined"] = sum(verdict[0] == "accepted" for verdict in plain.values())
         else:
-            row[f"named {what}"] = differences(plain, said(merges, names), SAME_M, SAME_DEG)
+            row[f"named {what}"], farthest = differences(plain, said(merges, names), SAME_M, SAME_DEG)
+            row["farthest_m"] = max(row.get("farthest_m", 0.0), farthest)
     names = NAMES["as they are"]
     moved, _ = bench.store.made(f"names/{log}-{robots}-moved", list(names), parts(log, robots, names, MOVED))
     _, _, merges = bench.merge(moved, bench.scratch(f"names-{log}-moved"))
-    row["moved"] = differences(plain, said(merges, names), MOVED_M, MOVED_DEG)
+    row["moved"], _ = differences(plain, said(merges, names), MOVED_M, MOVED_DEG)
     first = None
     for what, some, threads in (("1", maps, 1), ("turned order", maps[1:] + maps[:1], 1), ("other order", maps[::-1], 2), ("3 threads", maps, 3), ("4 threads", maps, 4)):
         out = bench.scratch(f"names-{log}-bytes")
@@ -107,6 +109,6 @@ def run(bench):
         bench.keep("names", rows)
     kept = bench.keep("names", rows)
     what = [key for key, value in next(iter(kept.values()), {}).items() if isinstance(value, list)]
-    bench.table("names", "What verdicts and bytes do not depend on", ("team", "pairs joined", *what),
-                [(name, row["joined"], *("same" if not row[key] else f"{len(row[key])} differ" for key in what)) for name, row in kept.items()])
+    bench.table("names", "What verdicts and bytes do not depend on", ("team", "pairs joined", "farthest aside under other names, mm", *what),
+                [(name, row["joined"], f"{1000 * row['farthest_m']:.1f}", *("same" if not row[key] else f"{len(row[key])} differ" for key in what)) for name, row in kept.items()])
     bench.gate("names", "teams in which anything was joined", sum(row["joined"] > 0 for row in rows.values()), "1 or more", any(row["joined"] for row in rows.values()))

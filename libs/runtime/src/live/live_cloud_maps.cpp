@@ -328,7 +328,8 @@ void LiveCloud::State::seal() {
     std::string names;
     for (const MapId& map : wanted) names += map.str() + "\n";
     ask(id, {{subject::kWanted, names}});
-    notes.push_back("edge " + id.str() + " merged maps that the cloud takes apart again; it sent them as a whole");
+    notes.push_back("edge " + id.str() +
+                    " sent whole maps: the cloud took a merge of thinned maps apart, or could not decide by them");
     asked.insert(id);
   }
 }

@@ -129,8 +129,8 @@ struct Report {
 nlohmann::ordered_json summary_json(const Report&);
 nlohmann::ordered_json merges_json(const Report&);
 // A verdict in one line: "alpha + beta: merged (probability 0.99, overlap 41 %, conflict 0.2 %, 3 places agree)", "...:
-// kept apart: one saw through walls of the other (...)", "...: in one map, through gamma; not matched to each other: no
-// place that both show was found".
+// kept apart: one saw through walls of the other (...)", "...: in one map, through gamma; not matched to each other by
+// themselves: no place that both show was found".
 std::string in_words(const Verdict&);
 // What became of a prior: "the prior is contradicted: the maps lie 9.8 m and 2 degrees from where it puts them".
 std::string in_words(const PriorCheck&);

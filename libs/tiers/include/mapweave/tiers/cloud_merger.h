@@ -40,14 +40,16 @@ class CloudMerger {
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the
   // judgements among them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);
-  // After seal(), by edge: maps that it merged and that the cloud merged anew; from what it has, unless they are sent
-  // as a whole before it is asked again.
+  // After seal(), by edge: maps that it merged and that the cloud merged anew; and thinned maps that stayed apart from
+  // another one, though they may lie to each other as a verdict says. They stay so unless they are sent as a whole
+  // before it is asked again.
   std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult&) const;
   // For people: which of these no edge sent, since it is gone, so that they stay thinned. After the last seal().
   std::vector<std::string> notes(const fusion::FusionResult&) const;
 
  private:
   fusion::FusionInput input() const;
+  std::map<TierId, std::vector<MapId>> taken_apart(const fusion::FusionResult&) const;
 
   TierId cloud_;
   fusion::FusionOptions options_;
@@ -56,6 +58,7 @@ class CloudMerger {
   std::vector<Map> starts_;
   std::map<MapId, UpdateInbox> inboxes_;
   std::vector<MergedMaps> merged_;
+  std::set<MapId> came_whole_;  // in place of thinned ones
   fusion::Memo memo_;
   std::shared_ptr<matching::ModelCache> models_;
 };
