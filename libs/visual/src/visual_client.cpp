@@ -77,7 +77,7 @@ struct VisualClient::State {
     Attempt attempt = tracker.follow(map, frame, picture);
     bool is_followed = tracker.is_followed(map, attempt, frame.stamp);
     if (is_followed && !map.monocular) {
-      if (const auto there = tracker.astray_since(attempt, frame.stamp)) {
+      if (const auto there = tracker.astray_since(map, attempt, frame.stamp)) {
         remove_since(map, tracker.place().session, there->stamp, [&](int keyframe) { loops.remove(keyframe); });
         tracker.go_back(map, *there);
         is_followed = false;

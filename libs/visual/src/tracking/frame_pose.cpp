@@ -3,6 +3,26 @@
 #include <algorithm>
 
 namespace mapweave::visual {
+namespace {
+
+// Median distance of points from their middle.
+double spread_of(std::vector<Eigen::Vector3d> points) {
+  const auto median = [](std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  Eigen::Vector3d centre;
+  std::vector<double> values(points.size());
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < points.size(); ++i) values[i] = points[i][axis];
+    centre[axis] = median(values);
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) values[i] = (points[i] - centre).norm();
+  return median(std::move(values));
+}
+
+}  // namespace
 
 PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Match>& found, const View& start,
                        const TrackingOptions& options) {
@@ -31,6 +51,32 @@ bool is_good(const LandmarkMap& map, const Attempt& attempt, bool followed, cons
   for (std::size_t i = 0; i < attempt.found.size(); ++i)
     found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).borrowed;
   return attempt.pose.count >= least && 2 * attempt.pose.count >= found;
+}
+
+bool is_led_by_a_thing(const LandmarkMap& map, const Attempt& attempt, const TrackingOptions& options) {
+  constexpr std::size_t kFew = 8;
+  constexpr double kThing_m = 0.4, kLarger = 2.0;
+  std::vector<Eigen::Vector3d> of_thing, around;
+  std::vector<Sighting> others;
+  for (std::size_t i = 0; i < attempt.found.size(); ++i) {
+    const Landmark& landmark = map.landmark(attempt.found[i].landmark);
+    if (landmark.borrowed) continue;
+    if (attempt.pose.fits[i]) {
+      of_thing.push_back(landmark.point);
+    } else {
+      others.push_back(map.sighting_of(attempt.found[i], options.sigma_px, &attempt.pose.view));
+      around.push_back(landmark.point);
+    }
+  }
+  if (others.size() < kFew || of_thing.empty()) return false;
+  const double thing_m = spread_of(std::move(of_thing));
+  if (thing_m > kThing_m) return false;
+  const PoseFromPoints elsewhere =
+      pose_from_points(others, map.camera, attempt.pose.view, map.calibration, options.gate_sigmas);
+  for (std::size_t i = around.size(); i-- > 0;)
+    if (!elsewhere.fits[i]) around.erase(around.begin() + static_cast<std::ptrdiff_t>(i));
+  return around.size() >= kFew && 4 * around.size() >= 3 * others.size() &&
+         spread_of(std::move(around)) >= kLarger * thing_m;
 }
 
 int most_seen(const LandmarkMap& map, const std::vector<Match>& matches) {

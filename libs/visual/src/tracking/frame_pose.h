@@ -24,6 +24,10 @@ PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Ma
 // Where the camera was followed, fewer landmarks are enough than where it may be anywhere.
 bool is_good(const LandmarkMap& map, const Attempt& attempt, bool followed, const TrackingOptions& options);
 
+// Where depth is measured: what fits lies close together, and those that do not fit agree on another place and lie far
+// apart. What moves is small, and the world around it large: the camera follows a thing that fills its picture.
+bool is_led_by_a_thing(const LandmarkMap& map, const Attempt& attempt, const TrackingOptions& options);
+
 // The keyframe that shows most of what is seen now.
 int most_seen(const LandmarkMap& map, const std::vector<Match>& matches);
 

@@ -18,6 +18,7 @@ class RecentFrames {
  public:
   void add(const Station& station, double share);
   void clear() { frames_.clear(); }
+  bool is_empty() const { return frames_.empty(); }
   const Station& oldest() const { return frames_.front().station; }
   // Never without odometry, and where all of them knew where they were.
   bool contradict(const Attempt& attempt, const Station& now, const SessionOptions& options) const;

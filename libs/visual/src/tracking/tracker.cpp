@@ -123,8 +123,11 @@ bool Tracker::is_followed(const LandmarkMap& map, const Attempt& attempt, Stamp 
   return just_now && visual::is_good(map, attempt, true, options_.tracking);
 }
 
-std::optional<Station> Tracker::astray_since(const Attempt& attempt, Stamp now) const {
-  if (!recent_.contradict(attempt, {now, driven_, attempt.pose.view}, options_.session)) return std::nullopt;
+std::optional<Station> Tracker::astray_since(const LandmarkMap& map, const Attempt& attempt, Stamp now) const {
+  if (recent_.is_empty()) return std::nullopt;
+  if (!recent_.contradict(attempt, {now, driven_, attempt.pose.view}, options_.session) &&
+      !is_led_by_a_thing(map, attempt, options_.tracking))
+    return std::nullopt;
   return recent_.oldest();
 }
 

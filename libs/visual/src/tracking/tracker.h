@@ -43,8 +43,8 @@ class Tracker {
   // From the frame before: pictures are laid on each other.
   Attempt follow(LandmarkMap& map, const Frame& frame, const Pyramid& picture);
   bool is_followed(const LandmarkMap& map, const Attempt& attempt, Stamp now) const;
-  // Where the camera was last before it was led astray, as the attempt and odometry show together.
-  std::optional<Station> astray_since(const Attempt& attempt, Stamp now) const;
+  // Where the camera was last before it was led astray, as the attempt shows, alone or together with odometry.
+  std::optional<Station> astray_since(const LandmarkMap& map, const Attempt& attempt, Stamp now) const;
   // As if the frames since had shown nothing; keyframes since are gone from the map.
   void go_back(const LandmarkMap& map, const Station& there);
   // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same
