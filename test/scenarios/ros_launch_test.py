@@ -259,6 +259,52 @@ class Launch(Program):
             self.assertGreater(robot["scans"], 20, robot["id"])
         self.assertEqual(self.read_json(f"{out}/summary.json")["team"]["members"], [["alpha", "beta"]])
 
+    def test_names_are_remapped_in_launch_files_of_one_s_own(self):
+        self.write("own.launch", """<launch>
+  <node pkg="mapweave" type="mapweave_ros" name="mapper" output="screen" required="true" args="team alpha --out maps --port -1">
+    <remap from="/alpha/scan" to="/alpha/front/scan"/>
+  </node>
+</launch>
+""")
+        launched = self.begin("roslaunch", "-p", self.port, self.folder / "own.launch")
+        messages = [(topic.replace("/scan", "/front/scan"), *rest) for topic, *rest in drives(40) if "/beta/" not in topic]
+        self.assert_ends(self.play(messages, 8.0), 0)
+        self.call("/team/finish")
+        self.assert_ends(launched, 0)
+        self.assertIn("records /alpha/scan, /alpha/odom,", launched.log.read_text())
+        self.mapweave("slam", next(self.folder.rglob("alpha.mcap")), "--out", "batch")
+        self.assertGreater(self.read_json("batch/summary.json")["robots"][0]["scans"], 20)
+
+    def test_a_coordinator_gives_robots_to_edges(self):
+        self.write("office.yaml", """robots:
+  - {id: alpha, log: recordings/alpha.mcap}
+  - {id: beta, log: recordings/beta.mcap}
+edges: [{id: north}, {id: south}]
+coordinator: {method: default, overlap_period_s: 1}
+""")
+        broker = self.begin(serve_test.BROKER, "-js", "-a", "127.0.0.1", "-p", self.broker_port, "-sd", self.folder / "broker")
+        self.await_word(broker, "Server is ready")
+        options = f"options:=--set live.broker=nats://127.0.0.1:{self.broker_port} --set live.preview_period_s=0.5 --set live.store=store"
+        roles = [("coordinator.launch", "out:=plans"), ("cloud.launch", "out:=maps/room"), *(("edge.launch", f"name:={edge}") for edge in ("north", "south")),
+                 *(("robot.launch", f"name:={robot}") for robot in ROBOTS)]
+        self.begin("rosmaster", "--core", "-p", self.port)
+        launched = [self.launch(file, "config:=office.yaml", *words, options) for file, *words in roles]
+        player = self.play(drives(60), 4.0)
+        self.await_word(player, "begins")
+        plan = self.asked(PYTHON, "-c", "import rospy; from std_msgs.msg import String; from nav_msgs.msg import OccupancyGrid\nrospy.init_node('looker')\n"
+                          "print(rospy.wait_for_message('/coordinator/plan', String, 15).data)\n"
+                          "print(rospy.wait_for_message('/alpha/map', OccupancyGrid, 15).header.frame_id)")
+        plan, frame = plan.strip().splitlines()
+        self.assertRegex(plan, "alpha.*(north|south)")
+        self.assertEqual(frame, "alpha/map")
+        self.assert_ends(player, 0)
+        for robot in ROBOTS:
+            self.call(f"/{robot}/finish")
+        for process in launched:
+            self.assert_ends(process, 0, 90)
+        self.assertEqual(self.read_json("maps/room/summary.json")["team"]["members"], [["alpha", "beta"]])
+        self.assertTrue(self.read_json("plans/plan.json")["done"])
+
     def test_a_deployment_is_paused_and_goes_on_to_its_map(self):
         self.write("office.yaml", (self.prefix / "share/mapweave/launch/all.yaml").read_text())
         words = ["all.launch", "config:=office.yaml", "out:=maps/room", f"port:={self.broker_port}", "options:=--set live.preview_period_s=0.5"]
