@@ -131,12 +131,28 @@ class RoleExtension {
   virtual bool look(runtime::LiveEdge&, const Status&) { return false; }
   virtual bool look(runtime::LiveCloud&, const Status&) { return false; }
   virtual bool look(runtime::LiveCoordinator&, const Status&) { return false; }
+  // What look() was given ends, after begin(): nothing may use it, or the status, from now on.
+  virtual void leave_tier() {}
   virtual bool shows_maps() const { return false; }  // an edge's and a cloud's previews are to be kept
   virtual bool has_log() const { return true; }      // of the robot: it is there, though it may still be written
   // The drive ends: whoever writes the robot's log finishes it.
   virtual void end_log() {}
   // The program ends: whoever writes the log closes it; an unfinished one is gone on with.
   virtual void leave_log() {}
+  // The robot's edge has all that its log says, and nobody needs it again.
+  virtual void has_sent_log() {}
+};
+
+// Lets the extension go of a tier before that ends; to be made after it.
+class TierEnd {
+ public:
+  explicit TierEnd(RoleExtension& extension) : extension_(extension) {}
+  ~TierEnd() { extension_.leave_tier(); }
+  TierEnd(const TierEnd&) = delete;
+  TierEnd& operator=(const TierEnd&) = delete;
+
+ private:
+  RoleExtension& extension_;
 };
 
 ExitCode serve_robot(const RoleArguments&, RoleExtension&);

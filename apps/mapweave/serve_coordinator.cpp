@@ -209,6 +209,7 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
   extension.begin(deployment, kName, signals);
   const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   Coordination coordination(deployment, wires, out, *progress);
+  const TierEnd tier_end(extension);
   runtime::LiveCoordinator& coordinator = coordination.coordinator();
   const auto status = [&] {
     const runtime::StatusTerms terms = since.terms();

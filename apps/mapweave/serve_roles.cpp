@@ -141,6 +141,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
       *planned, deployment.loaded.configuration, [&](const TierId& edge) { return wires.from_robot(name, edge)(); },
       [&] { return extension.has_log(); });
   const LogEnd log_end(robot, extension);
+  const TierEnd tier_end(extension);
   const auto progress = make_terminal_progress();
   RobotLines lines(name, *progress);
   const auto status = [&] {
@@ -170,6 +171,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
     extension.end_log();
     log(LogLevel::info, "robot " + name.str() + " ends its recording and sends the rest; again to end at once");
   }
+  extension.has_sent_log();
   publisher.publish(true);
   lines.show_end(robot.counts());
   return ExitCode::done;
@@ -192,6 +194,7 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
                            {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
                             journal, shows(deployment) || extension.shows_maps()},
                            wires.from_edge(name));
+    const TierEnd tier_end(extension);
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
     const auto add = [&](const RobotId& robot) { robots.add(robot.str(), wires.at_edge(robot, name)); };
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
@@ -249,6 +252,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
     runtime::LiveCloud cloud({deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
                               journal, shows(deployment) || extension.shows_maps()},
                              {arguments.flags.out, arguments.flags.force, true});
+    const TierEnd tier_end(extension);
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
     for (const TierId& edge : deployment.plan.edges) edges.add(edge.str(), wires.at_cloud(edge));
     PlanReader plans(wires, deployment);

@@ -72,12 +72,7 @@ class OnDemandTopic {
   // subscribers go on meanwhile.
   template <class Make>
   void show(std::uint64_t version, Make&& make) {
-    if (publisher_.getNumSubscribers() == 0) {
-      const std::lock_guard lock(mutex_);
-      last_.reset();
-      version_.reset();
-      return;
-    }
+    if (publisher_.getNumSubscribers() == 0) return forget();
     if (version_ == version) return;
     std::optional<Message> now = make();
     const std::lock_guard lock(mutex_);
@@ -92,6 +87,13 @@ class OnDemandTopic {
     if (before && send_change_ && send_change_(*before, *last_)) return;
     set_stamp(*last_, ros::Time::now());
     publisher_.publish(*last_);
+  }
+
+  // Who subscribes from now on gets nothing until something is shown again.
+  void forget() {
+    const std::lock_guard lock(mutex_);
+    last_.reset();
+    version_.reset();
   }
 
   std::multiset<std::string> subscribers() const { return names_.all(); }
@@ -123,6 +125,7 @@ class GridTopic {
   void show(std::uint64_t version, Make&& make) {
     grid_.show(version, std::forward<Make>(make));
   }
+  void forget() { grid_.forget(); }
 
  private:
   bool send_update(const nav_msgs::OccupancyGrid& before, const nav_msgs::OccupancyGrid& now);

@@ -19,21 +19,26 @@ bool is_equal(const Pose3& one, const Pose3& other) { return one.t == other.t &&
 
 }  // namespace
 
+std::optional<RobotMap> robot_map(const Map& map, const RobotId& robot) {
+  RobotMap own{nodes_of(robot, map), {}, 0, {}};
+  auto trajectories = exporters::robot_trajectories(own.map);
+  if (trajectories.empty()) return std::nullopt;
+  own.trajectory = std::move(trajectories.begin()->second);
+  own.part_from_robot_map = own.trajectory.front().map_from_robot;
+  const Pose3 robot_map_from_part = inverse(own.part_from_robot_map);
+  for (auto& [id, node] : own.map.nodes) node.map_from_node = compose(robot_map_from_part, node.map_from_node);
+  for (StampedPose& pose : own.trajectory) pose.map_from_robot = compose(robot_map_from_part, pose.map_from_robot);
+  return own;
+}
+
 std::optional<RobotMap> robot_map(const runtime::LivePreview& preview, const RobotId& robot) {
   std::optional<RobotMap> newest;
   for (std::size_t part = 0; part < preview.parts.size(); ++part) {
-    Map own = nodes_of(robot, preview.parts[part].map);
-    auto trajectories = exporters::robot_trajectories(own);
-    if (trajectories.empty()) continue;
-    std::vector<StampedPose>& trajectory = trajectories.begin()->second;
-    if (newest && trajectory.back().stamp <= newest->trajectory.back().stamp) continue;
-    newest = RobotMap{std::move(own), std::move(trajectory), part, {}};
+    auto own = robot_map(preview.parts[part].map, robot);
+    if (!own || (newest && own->trajectory.back().stamp <= newest->trajectory.back().stamp)) continue;
+    own->part = part;
+    newest = std::move(own);
   }
-  if (!newest) return newest;
-  newest->part_from_robot_map = newest->trajectory.front().map_from_robot;
-  const Pose3 robot_map_from_part = inverse(newest->part_from_robot_map);
-  for (auto& [id, node] : newest->map.nodes) node.map_from_node = compose(robot_map_from_part, node.map_from_node);
-  for (StampedPose& pose : newest->trajectory) pose.map_from_robot = compose(robot_map_from_part, pose.map_from_robot);
   return newest;
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// A robot's own map, as a preview has it.
+// A robot's own map, alone and as a preview has it.
 
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/runtime/live_preview.h>
@@ -18,6 +18,9 @@ struct RobotMap {
   Pose3 part_from_robot_map;
 };
 
+// Of a map that a robot made alone (runtime::LiveEdge::map_so_far), as if it were the only part. nullopt: it has no
+// pose of that robot.
+std::optional<RobotMap> robot_map(const Map& own, const RobotId&);
 // nullopt: no part has a pose of that robot.
 std::optional<RobotMap> robot_map(const runtime::LivePreview&, const RobotId&);
 

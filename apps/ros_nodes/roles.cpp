@@ -29,6 +29,11 @@ void NodeRole::begin(const app::Deployment& deployment, const std::string& name,
   node_.emplace(stops);
 }
 
+void NodeRole::leave_tier() {
+  node_->stop();
+  diagnostics_.reset();
+}
+
 void NodeRole::turn(const Status& status) {
   if (!diagnostics_) diagnostics_.emplace(node_->handle(), status);
   node_->keep();
@@ -54,17 +59,29 @@ void RobotNode::leave_log() {
   if (recorder_) recorder_->leave();
 }
 
+void RobotNode::has_sent_log() {
+  if (recorder_) recorder_->sent();
+}
+
 bool EdgeNode::look(runtime::LiveEdge& edge, const Status& status) {
   turn(status);
   if (topics_) return false;
   requests_.emplace(node(), deployment().plan,
                     [&edge](const runtime::LiveRequests& requests) { return edge.follow(requests); });
   TierOfTeam tier{name(), {}, false};
+  // A coordinator may give it any robot.
   for (const runtime::PlannedRobot& robot : deployment().plan.robots)
-    if (robot.edge.str() == name()) tier.robots.push_back(robot.id);
+    if (robot.edge.str() == name() || robot.edge.empty()) tier.robots.push_back(robot.id);
   topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, tier,
-                  [&edge] { return edge.preview(); });
+                  TierTopics::Maps{[&edge] { return edge.preview(); },
+                                   [&edge](const RobotId& robot) { return edge.map_so_far(robot); }});
   return false;
+}
+
+void EdgeNode::leave_tier() {
+  NodeRole::leave_tier();
+  topics_.reset();
+  requests_.reset();
 }
 
 bool CloudNode::look(runtime::LiveCloud& cloud, const Status& status) {
@@ -76,9 +93,15 @@ bool CloudNode::look(runtime::LiveCloud& cloud, const Status& status) {
                       [&cloud](const runtime::LiveRequests& requests) { return cloud.follow(requests); });
     end_.emplace(node(), "cloud/finish", "the cloud merges what is there");
     topics_.emplace(node(), deployment().loaded.configuration, deployment().plan, TierOfTeam{name(), {}, true},
-                    preview);
+                    TierTopics::Maps{preview, {}});
   }
   return end_->is_asked();
+}
+
+void CloudNode::leave_tier() {
+  NodeRole::leave_tier();
+  topics_.reset();
+  requests_.reset();
 }
 
 bool CoordinatorNode::look(runtime::LiveCoordinator& coordinator, const Status& status) {

@@ -18,6 +18,7 @@ namespace mapweave::ros_nodes {
 class NodeRole : public app::RoleExtension {
  public:
   void begin(const app::Deployment& deployment, const std::string& name, app::StopSignals& stops) override;
+  void leave_tier() override;
 
  protected:
   const app::Deployment& deployment() const { return *deployment_; }
@@ -41,6 +42,7 @@ class RobotNode : public NodeRole {
   bool has_log() const override { return recorder_ && recorder_->is_recording(); }
   void end_log() override;
   void leave_log() override;
+  void has_sent_log() override;
 
  private:
   std::optional<TopicRecorder> recorder_;
@@ -51,6 +53,7 @@ class EdgeNode : public NodeRole {
  public:
   using NodeRole::look;
   bool look(runtime::LiveEdge& edge, const Status& status) override;
+  void leave_tier() override;
   bool shows_maps() const override { return true; }
 
  private:
@@ -63,6 +66,7 @@ class CloudNode : public NodeRole {
  public:
   using NodeRole::look;
   bool look(runtime::LiveCloud& cloud, const Status& status) override;
+  void leave_tier() override;
   bool shows_maps() const override { return true; }
 
  private:

@@ -70,6 +70,15 @@ geometry_msgs::Transform transform_message(const Pose3& pose) {
   return message;
 }
 
+geometry_msgs::TransformStamped transform_between(const std::string& parent, const std::string& child,
+                                                  const Pose3& parent_from_child) {
+  geometry_msgs::TransformStamped message;
+  message.header.frame_id = parent;
+  message.child_frame_id = child;
+  message.transform = transform_message(parent_from_child);
+  return message;
+}
+
 std::optional<Pose3> pose_of(const geometry_msgs::Pose& message) {
   return checked_pose(message.position, message.orientation);
 }

@@ -7,7 +7,7 @@
 #include <mapweave/maps/map.h>
 
 #include <diagnostic_msgs/DiagnosticArray.h>
-#include <geometry_msgs/Transform.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <map_msgs/OccupancyGridUpdate.h>
 #include <nav_msgs/OccupancyGrid.h>
 #include <nav_msgs/Path.h>
@@ -28,6 +28,8 @@ Stamp stamp_of(const ros::Time&);
 
 geometry_msgs::Pose pose_message(const Pose3&);
 geometry_msgs::Transform transform_message(const Pose3&);
+geometry_msgs::TransformStamped transform_between(const std::string& parent, const std::string& child,
+                                                  const Pose3& parent_from_child);
 // The other direction; nullopt for numbers that are not finite, and for a quaternion far from unit length.
 std::optional<Pose3> pose_of(const geometry_msgs::Pose&);
 std::optional<Pose3> pose_of(const geometry_msgs::Transform&);

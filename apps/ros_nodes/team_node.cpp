@@ -62,6 +62,9 @@ class Recorders {
   void leave() {
     for (auto& [robot, recorder] : by_robot_) recorder->leave();
   }
+  void sent() {
+    for (auto& [robot, recorder] : by_robot_) recorder->sent();
+  }
 
  private:
   std::map<RobotId, std::unique_ptr<TopicRecorder>> by_robot_;
@@ -84,12 +87,14 @@ class TeamTopics {
       TierOfTeam tier{edge.str(), {}, false};
       for (const runtime::PlannedRobot& robot : team.plan().robots)
         if (robot.edge == edge) tier.robots.push_back(robot.id);
-      tiers_.push_back(std::make_unique<TierTopics>(node, team.configuration(), team.plan(), tier,
-                                                    [&team, edge] { return team.edge(edge).preview(); }));
+      tiers_.push_back(std::make_unique<TierTopics>(
+          node, team.configuration(), team.plan(), tier,
+          TierTopics::Maps{[&team, edge] { return team.edge(edge).preview(); },
+                           [&team, edge](const RobotId& robot) { return team.edge(edge).map_so_far(robot); }}));
     }
     tiers_.push_back(std::make_unique<TierTopics>(node, team.configuration(), team.plan(),
                                                   TierOfTeam{runtime::cloud_tier().str(), {}, true},
-                                                  [&team] { return team.cloud().preview(); }));
+                                                  TierTopics::Maps{[&team] { return team.cloud().preview(); }, {}}));
     for (const runtime::PlannedRobot& robot : team.plan().robots) {
       const std::string name = RosNames({robot.id.str()}).of(robot.id.str());
       robots_[robot.id] =
@@ -159,6 +164,7 @@ ExitCode serve_team(const TeamArguments& arguments) {
         team.look();
         return topics.is_end_asked();
       });
+  recorders.sent();
   std::error_code ignored;
   fs::remove_all(store, ignored);
   return app::report_result(report, arguments.flags.out, arguments.flags.json);

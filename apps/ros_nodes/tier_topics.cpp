@@ -1,6 +1,7 @@
 #include "tier_topics.h"
 
 #include "map_publisher.h"
+#include "paced_thread.h"
 #include "ros_messages.h"
 
 #include <map_msgs/SaveMap.h>
@@ -12,9 +13,7 @@
 #include <nav_msgs/LoadMap.h>
 
 #include <algorithm>
-#include <condition_variable>
-#include <mutex>
-#include <thread>
+#include <optional>
 #include <utility>
 
 namespace mapweave::ros_nodes {
@@ -45,8 +44,8 @@ PublishedRobot published(const runtime::RunConfiguration& all, const runtime::Pl
   return one;
 }
 
-MapPublisherOptions publisher_options(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
-                                      const TierOfTeam& tier, const RosNames& names) {
+MapPublisherOptions publisher_options(const runtime::RunConfiguration& configuration, const TierOfTeam& tier,
+                                      const RosNames& names) {
   MapPublisherOptions options;
   options.tier = tier.name;
   if (!tier.shows_team_frame) {
@@ -55,6 +54,14 @@ MapPublisherOptions publisher_options(const runtime::RunConfiguration& configura
   }
   options.grid = configuration.compose;
   options.cloud = configuration.output.cloud;
+  options.robots = tier.robots;
+  return options;
+}
+
+RobotMapsOptions robot_options(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
+                               const TierOfTeam& tier, const RosNames& names) {
+  RobotMapsOptions options;
+  options.grid = configuration.compose;
   for (const runtime::PlannedRobot& robot : plan.robots)
     if (std::find(tier.robots.begin(), tier.robots.end(), robot.id) != tier.robots.end())
       options.robots.push_back(published(configuration, robot, names));
@@ -66,41 +73,26 @@ MapPublisherOptions publisher_options(const runtime::RunConfiguration& configura
 class TierTopics::State {
  public:
   State(RosNode& node, const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan, TierOfTeam tier,
-        Preview preview)
+        Maps maps)
       : configuration_(configuration),
         tier_(std::move(tier)),
-        preview_(std::move(preview)),
+        preview_(std::move(maps.preview)),
         names_(names_in(plan)),
-        options_(publisher_options(configuration, plan, tier_, names_)),
+        options_(publisher_options(configuration, tier_, names_)),
         publisher_(node.handle(), names_, options_, pool_) {
     const std::string prefix = names_.of(tier_.name) + "/";
     loaded_ = node.handle().advertise<nav_msgs::OccupancyGrid>(prefix + "loaded_map", 1, true);
     node.serve(prefix + "save_map", &State::save_map, this);
     node.serve(prefix + "load_map", &State::load_map, this);
     node.serve(prefix + "static_map", &State::static_map, this);
-    drawer_ = std::thread([this] { draw(); });
-  }
-
-  ~State() {
-    {
-      const std::lock_guard lock(mutex_);
-      ends_ = true;
-      changed_.notify_all();
-    }
-    drawer_.join();
+    drawer_.emplace([this] { publisher_.publish(preview_()); }, kBetweenLooks);
+    if (!maps.of_robot) return;
+    robots_publisher_.emplace(node.handle(), names_, robot_options(configuration, plan, tier_, names_),
+                              std::move(maps.of_robot), pool_of_robots_);
+    robots_drawer_.emplace([this] { robots_publisher_->publish(); }, kBetweenLooks);
   }
 
  private:
-  void draw() {
-    std::unique_lock lock(mutex_);
-    while (!ends_) {
-      lock.unlock();
-      publisher_.publish(preview_());
-      lock.lock();
-      changed_.wait_for(lock, kBetweenLooks, [&] { return ends_; });
-    }
-  }
-
   const Map* largest(const std::shared_ptr<const runtime::LivePreview>& preview) const {
     return preview != nullptr && !preview->parts.empty() ? &preview->parts.front().map : nullptr;
   }
@@ -162,18 +154,16 @@ class TierTopics::State {
   const Preview preview_;
   const RosNames names_;
   const MapPublisherOptions options_;
-  WorkerPool pool_{1};
+  WorkerPool pool_{1}, pool_of_robots_{1};
   MapPublisher publisher_;
+  std::optional<RobotMapsPublisher> robots_publisher_;
   ros::Publisher loaded_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool ends_ = false;
-  std::thread drawer_;
+  std::optional<PacedThread> drawer_, robots_drawer_;  // the last members: they use the others
 };
 
 TierTopics::TierTopics(RosNode& node, const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
-                       TierOfTeam tier, Preview preview)
-    : state_(std::make_unique<State>(node, configuration, plan, std::move(tier), std::move(preview))) {}
+                       TierOfTeam tier, Maps maps)
+    : state_(std::make_unique<State>(node, configuration, plan, std::move(tier), std::move(maps))) {}
 TierTopics::~TierTopics() = default;
 
 }  // namespace mapweave::ros_nodes

@@ -3,6 +3,7 @@
 #include "ros_node.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/serialization.h>
@@ -16,7 +17,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
-#include <cstring>
+#include <set>
 #include <utility>
 
 namespace mapweave::ros_nodes {
@@ -56,19 +57,40 @@ bool is_of_range(const std::string& type) {
          type == "sensor_msgs/PointCloud2";
 }
 
-// Stamp of a message that begins with a header; of transforms they come in any order.
-std::optional<std::int64_t> stamp_of(const std::string& type, const std::string& message) {
-  if (is_of_transforms(type)) return std::nullopt;
-  constexpr std::size_t kSecondsAt = 4;
-  std::uint32_t parts[2];  // seconds, nanoseconds
-  if (message.size() < kSecondsAt + sizeof parts) return std::nullopt;
-  std::memcpy(parts, message.data() + kSecondsAt, sizeof parts);
-  const std::int64_t stamp_ns = std::int64_t{parts[0]} * 1'000'000'000 + parts[1];
-  return stamp_ns == 0 ? std::nullopt : std::optional(stamp_ns);
-}
-
 bool has_prefix(const std::string& text, const std::string& prefix) {
   return text.compare(0, prefix.size(), prefix) == 0;
+}
+
+// The topics that are there, by the names that this node has for them: remapped ones by the names that they stand for.
+std::vector<rawlog::RecordedTopic> topics_seen(const ros::master::V_TopicInfo& published) {
+  std::map<std::string, std::string> name_of;
+  for (const auto& [from, to] : ros::names::getRemappings()) name_of[to] = from;
+  std::vector<rawlog::RecordedTopic> there;
+  for (const ros::master::TopicInfo& topic : published) {
+    const auto definition = definitions().find(topic.datatype);
+    if (definition == definitions().end() || ros::names::getRemappings().count(topic.name) != 0) continue;
+    const auto name = name_of.find(topic.name);
+    there.push_back({name != name_of.end() ? name->second : topic.name, topic.datatype, definition->second});
+  }
+  std::sort(there.begin(), there.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  return there;
+}
+
+// A robot's topic that was remapped is the one of its type.
+void drop_others(std::vector<rawlog::RecordedTopic>& there, const std::string& prefix) {
+  std::set<std::string> named, types;
+  for (const rawlog::RecordedTopic& topic : there)
+    if (has_prefix(topic.name, prefix) && !is_of_transforms(topic.type) &&
+        ros::names::getRemappings().count(topic.name) != 0) {
+      named.insert(topic.name);
+      types.insert(topic.type);
+    }
+  there.erase(std::remove_if(there.begin(), there.end(),
+                             [&](const rawlog::RecordedTopic& topic) {
+                               return has_prefix(topic.name, prefix) && types.count(topic.type) != 0 &&
+                                      named.count(topic.name) == 0;
+                             }),
+              there.end());
 }
 
 }  // namespace
@@ -78,6 +100,7 @@ TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& 
     : node_(std::move(node)),
       robot_(robot.id),
       log_(robot.log),
+      unsent_(std::filesystem::path(robot.log) += ".unsent"),
       reading_(configuration_of(configuration, robot).reading),
       sensor_(configuration_of(configuration, robot).sensor),
       window_ns_(static_cast<std::int64_t>(reading_.reorder_window_s * 1e9)),
@@ -85,6 +108,14 @@ TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& 
   std::error_code ignored;
   if (!std::filesystem::exists(log_, ignored)) return;
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_);
+  if (recorder_->is_finished()) {
+    if (!std::filesystem::exists(unsent_, ignored))
+      throw Error(ErrorCode::kBadInput, "is the finished recording of an earlier drive, all of which was sent",
+                  log_.string(), "move it away, or name another file as the robot's `log`");
+    log(LogLevel::info, "robot " + robot_.str() + " has ended its drive; what was not sent of " + log_.string() +
+                            " is sent now, and nothing is recorded any more");
+    return;
+  }
   log(LogLevel::info, "robot " + robot_.str() + " goes on with the recording " + log_.string());
   expect_topics();
   subscribe();
@@ -108,14 +139,10 @@ void TopicRecorder::look() {
 std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() {
   ros::master::V_TopicInfo published;
   if (!ros::master::getTopics(published)) return std::nullopt;
-  std::sort(published.begin(), published.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-  std::vector<rawlog::RecordedTopic> there;
+  std::vector<rawlog::RecordedTopic> there = topics_seen(published);
   std::vector<std::string> names;
   bool has_own = false;
-  for (const ros::master::TopicInfo& topic : published) {
-    const auto definition = definitions().find(topic.datatype);
-    if (definition == definitions().end()) continue;
-    there.push_back({topic.name, topic.datatype, definition->second});
+  for (const rawlog::RecordedTopic& topic : there) {
     names.push_back(topic.name);
     has_own = has_own || has_prefix(topic.name, "/" + robot_.str() + "/");
   }
@@ -125,6 +152,7 @@ std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() 
   rawlog::ReadOptions reading = reading_;
   if (reading.robot_namespace.empty() && (has_own || !is_alone_)) reading.robot_namespace = robot_.str();
   const std::string prefix = reading.robot_namespace.empty() ? "/" : "/" + reading.robot_namespace + "/";
+  if (reading.topics.empty()) drop_others(there, prefix);
   const bool has_range = std::any_of(there.begin(), there.end(), [&](const rawlog::RecordedTopic& topic) {
     return is_of_range(topic.type) && has_prefix(topic.name, prefix);
   });
@@ -149,16 +177,17 @@ std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() 
 void TopicRecorder::begin(std::vector<rawlog::RecordedTopic> topics) {
   std::string names;
   for (const rawlog::RecordedTopic& topic : topics) names += (names.empty() ? "" : ", ") + topic.name;
+  std::error_code ignored;
+  std::filesystem::create_directories(log_.parent_path(), ignored);
+  write_file(unsent_,
+             "Not all of the recording was sent yet: the robot's node goes on with it, and removes this file.\n");
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_, std::move(topics));
   expect_topics();
   log(LogLevel::info, "robot " + robot_.str() + " records " + names + " into " + log_.string());
   subscribe();
 }
 
-void TopicRecorder::expect_topics() {
-  newest_ns_.assign(recorder_->topics().size(), 0);
-  is_repeated_.assign(recorder_->topics().size(), false);
-}
+void TopicRecorder::expect_topics() { is_repeated_.assign(recorder_->topics().size(), false); }
 
 void TopicRecorder::subscribe() {
   subscribers_.clear();
@@ -188,8 +217,8 @@ void TopicRecorder::take(std::size_t topic, const Message& message) {
   ros::serialization::OStream stream(reinterpret_cast<std::uint8_t*>(bytes.data()),
                                      static_cast<std::uint32_t>(bytes.size()));
   shape.write(stream);
-  if (const auto stamp_ns = stamp_of(of.type, bytes)) {
-    const std::int64_t newest_ns = newest_ns_[topic];
+  if (const auto stamp_ns = rawlog::stamp_of_message(of.type, bytes)) {
+    const std::int64_t newest_ns = recorder_->newest_ns(topic).value_or(0);
     is_repeated_[topic] = *stamp_ns <= newest_ns && (is_repeated_[topic] || *stamp_ns < newest_ns - window_ns_);
     if (is_repeated_[topic]) {
       if (repeated_++ == 0)
@@ -198,7 +227,6 @@ void TopicRecorder::take(std::size_t topic, const Message& message) {
                                    "played in a loop is mapped once)");
       return;
     }
-    newest_ns_[topic] = std::max(newest_ns, *stamp_ns);
   }
   received_ = Clock::now();
   try {
@@ -222,6 +250,11 @@ void TopicRecorder::finish() {
   unsubscribe();
   const std::lock_guard lock(mutex_);
   if (recorder_) recorder_->finish();
+}
+
+void TopicRecorder::sent() {
+  std::error_code ignored;
+  std::filesystem::remove(unsent_, ignored);
 }
 
 void TopicRecorder::leave() {

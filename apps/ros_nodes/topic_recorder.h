@@ -26,7 +26,8 @@ struct RecorderCounts {
 // Calls are thread-safe; messages are taken by whoever spins.
 class TopicRecorder {
  public:
-  // Into the robot's log. Goes on with a recording that was not finished. Throws as RosRecorder.
+  // Into the robot's log. Goes on with a recording; one that was finished, but not sent, is that of a drive that has
+  // ended: nothing is added to it. Throws as RosRecorder, and Error(kBadInput) where all of it was sent.
   TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& robot,
                 const runtime::RunConfiguration& configuration);
 
@@ -35,7 +36,8 @@ class TopicRecorder {
   void look();
   bool is_recording() const;
   void finish();  // what comes later is left out
-  void leave();   // the program ends: another one goes on with the recording, unless it is finished
+  void leave();   // the program ends: another one goes on with the recording
+  void sent();    // the robot's edge has it all, or the map is written: nobody goes on with it
   RecorderCounts counts() const;
 
  private:
@@ -51,7 +53,7 @@ class TopicRecorder {
 
   ros::NodeHandle node_;
   const RobotId robot_;
-  const std::filesystem::path log_;
+  const std::filesystem::path log_, unsent_;  // the recording; a file beside it until all of it was sent
   const rawlog::ReadOptions reading_;
   const std::string sensor_;
   const std::int64_t window_ns_;
@@ -63,7 +65,6 @@ class TopicRecorder {
   std::vector<std::string> last_seen_;  // topics, while they still come
   Clock::time_point seen_since_{}, next_look_{}, received_{}, warned_{};
   std::vector<bool> is_repeated_;           // by topic: its stamps jumped back
-  std::vector<std::int64_t> newest_ns_;     // stamps, by topic
   std::map<std::string, bool> publishers_;  // whether they are programs of mapweave
   std::uint64_t repeated_ = 0;
   std::optional<Error> trouble_;

@@ -1,10 +1,11 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
-#include <mapweave/fusion/compose_grid.h>
+#include <mapweave/fusion/growing_grid.h>
 #include <support/random_map.h>
 #include <support/simulated_maps.h>
 
 #include <set>
+#include <utility>
 
 namespace mapweave::fusion {
 namespace {
@@ -88,6 +89,58 @@ TEST(ComposeGrid, is_drawn_around_keyframes_as_if_they_were_not_there) {
   EXPECT_EQ(with.log_odds, without.log_odds);
   EXPECT_EQ(with.columns, without.columns);
   EXPECT_TRUE(compose_grid(keyframes, {}, pool).empty());
+}
+
+// The share of cells that differ; 1 where the grids are not laid alike.
+double difference_of(const OccupancyGrid& one, const OccupancyGrid& other) {
+  if (one.columns != other.columns || one.rows != other.rows || one.resolution_m != other.resolution_m ||
+      std::abs(one.origin_x_m - other.origin_x_m) > 1e-9 || std::abs(one.origin_y_m - other.origin_y_m) > 1e-9)
+    return 1.0;
+  std::size_t other_cells = 0;
+  for (std::size_t i = 0; i < one.log_odds.size(); ++i) other_cells += one.log_odds[i] != other.log_odds[i] ? 1 : 0;
+  return static_cast<double>(other_cells) / static_cast<double>(one.log_odds.size());
+}
+
+TEST(GrowingGrid, is_that_of_the_whole_map_however_it_grew) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  const auto team = simulation::make_apartment({}, options);
+  const Map map = test::truth_map(team.robots[0], team.laser);
+  WorkerPool pool(1);
+  GrowingGrid growing{{}};
+  EXPECT_TRUE(growing.draw({}, pool).empty());
+  Map so_far;
+  std::size_t larger = 0, count = 0;
+  std::int64_t cells = 0;
+  for (const auto& [id, node] : map.nodes) {
+    so_far.nodes.set(id, node);
+    if (++count % 7 != 0 && count != map.nodes.size()) continue;
+    const OccupancyGrid& grid = growing.draw(so_far, pool);
+    const std::int64_t now = std::int64_t{grid.columns} * grid.rows;
+    larger += now > std::exchange(cells, now) ? 1 : 0;
+  }
+  EXPECT_GT(larger, 3U);
+  // A ray that ends on the border between two cells may end in the other one, for cells are counted from the corner.
+  EXPECT_LT(difference_of(growing.draw(map, pool), compose_grid(map, {}, pool)), 1e-3);
+  Map moved = map;
+  for (auto& [id, node] : moved.nodes) node.map_from_node.t.x() += 0.01;
+  const OccupancyGrid before = growing.draw(map, pool);
+  EXPECT_EQ(difference_of(growing.draw(moved, pool), before), 0.0) << "too little to be drawn anew";
+  moved.nodes.find(moved.nodes.front().first)->map_from_node.t.x() += 0.05;
+  EXPECT_EQ(difference_of(growing.draw(moved, pool), compose_grid(moved, {}, pool)), 0.0);
+  EXPECT_EQ(difference_of(growing.draw(one_ray({}), pool), compose_grid(one_ray({}), {}, pool)), 0.0) << "another map";
+}
+
+TEST(GrowingGrid, goes_on_after_what_cannot_be_drawn) {
+  WorkerPool pool(1);
+  GrowingGrid growing{{}};
+  Map map = one_ray({});
+  growing.draw(map, pool);
+  const NodeId far{map.nodes.front().first.session, 1};
+  map.nodes.set(far, Node{far, {}, spatial(Pose2{5000.0, 0, 0}), map.nodes.front().second.payload});
+  EXPECT_THROW(growing.draw(map, pool), Error);
+  map.nodes.find(far)->map_from_node = spatial(Pose2{1.0, 0, 0});
+  EXPECT_EQ(difference_of(growing.draw(map, pool), compose_grid(map, {}, pool)), 0.0);
 }
 
 TEST(ComposeGrid, is_empty_for_nothing_and_refuses_a_runaway) {

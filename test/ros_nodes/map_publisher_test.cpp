@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <map_publisher.h>
 #include <robot_map.h>
+#include <robot_maps_publisher.h>
 #include <ros_messages.h>
 
 #include <mapweave/core/error.h>
@@ -53,6 +54,29 @@ class Inbox {
   ros::Subscriber subscriber_;
 };
 
+// A tier's publisher, and that of its robots' own maps, which are what the preview has of them.
+class Publishers {
+ public:
+  Publishers(ros::NodeHandle node, MapPublisherOptions tier, const RobotMapsOptions& robots, WorkerPool& pool)
+      : tier_(node, RosNames({"alpha", "beta", tier.tier}), tier, pool),
+        robots_(
+            node, RosNames({"alpha", "beta", tier.tier}), robots, [this](const RobotId&) { return own_; }, pool) {}
+  void publish(const std::shared_ptr<const runtime::LivePreview>& preview) {
+    own_ = std::shared_ptr<const Map>(preview, preview->parts.empty() ? nullptr : &preview->parts[0].map);
+    tier_.publish(preview);
+    robots_.publish();
+  }
+  void publish_robots(std::shared_ptr<const Map> own) {
+    own_ = std::move(own);
+    robots_.publish();
+  }
+
+ private:
+  std::shared_ptr<const Map> own_;
+  MapPublisher tier_;
+  RobotMapsPublisher robots_;
+};
+
 class MapPublisherTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -66,15 +90,17 @@ class MapPublisherTest : public testing::Test {
     spinner_ = std::make_unique<ros::AsyncSpinner>(2);
     spinner_->start();
   }
-  std::unique_ptr<MapPublisher> publisher(TeamTransforms team = TeamTransforms::above) {
+  std::unique_ptr<Publishers> publisher(TeamTransforms team = TeamTransforms::above) {
     MapPublisherOptions options;
     options.tier = "edge-1";
     options.team_transforms = team;
-    options.robots = {{RobotId("alpha"), "alpha/odometry", "", ""}, {RobotId("beta"), "", "", ""}};
-    return std::make_unique<MapPublisher>(*node_, RosNames({"alpha", "beta", "edge-1"}), options, pool_);
+    options.robots = {RobotId("alpha"), RobotId("beta")};
+    RobotMapsOptions robots;
+    robots.robots = {{RobotId("alpha"), "alpha/odometry", "", ""}, {RobotId("beta"), "", "", ""}};
+    return std::make_unique<Publishers>(*node_, options, robots, pool_);
   }
   // Publishes until something holds.
-  bool publishing(MapPublisher& publisher, const std::shared_ptr<const runtime::LivePreview>& preview,
+  bool publishing(Publishers& publisher, const std::shared_ptr<const runtime::LivePreview>& preview,
                   const std::function<bool()>& condition) {
     return eventually([&] {
       publisher.publish(preview);
@@ -101,6 +127,7 @@ std::shared_ptr<const runtime::LivePreview> preview_at(Stamp newest, double ahea
   const Constraint link = planar_constraint({ConstraintKind::between_maps, node_id("beta", 0), node_id("alpha", 0), 0},
                                             Pose2(), Eigen::Matrix3d::Identity());
   map.constraints.set(link.id, link);
+  preview->parts[0].part_from_start = {{RobotId("alpha"), pose(4, 1, M_PI / 2)}, {RobotId("beta"), pose(0, 0)}};
   return preview;
 }
 
@@ -206,6 +233,31 @@ TEST_F(MapPublisherTest, who_takes_updates_gets_what_changed) {
   EXPECT_EQ(read.data, grid_in(now).data);
 }
 
+TEST_F(MapPublisherTest, what_another_program_publishes_now_is_shown_no_more) {
+  begin();
+  const auto preview = preview_at({1'500'000'000});
+  const auto maps = publisher();
+  const Inbox<nav_msgs::OccupancyGrid> own(*node_, "alpha/map");
+  const Inbox<nav_msgs::Path> path(*node_, "alpha/path");
+  const std::shared_ptr<const Map> map(preview, &preview->parts[0].map);
+  ASSERT_TRUE(eventually([&] {
+    maps->publish_robots(map);
+    return own.size() > 0 && path.size() > 0;
+  })) << "before there is any preview";
+  maps->publish_robots(nullptr);
+  const std::string waits =
+      "import rospy, sys\nrospy.init_node('late', disable_rosout=True)\n"
+      "rospy.wait_for_message('/alpha/path', rospy.AnyMsg, 2)\n";
+  test::PythonProcess late({"-c", waits}, master_->folder() / "late.log");
+  EXPECT_NE(late.wait(), 0) << "it is latched no more";
+  EXPECT_THAT(read_file(master_->folder() / "late.log", 1 << 20), HasSubstr("timeout exceeded"));
+  const std::size_t before = path.size();
+  EXPECT_TRUE(eventually([&] {
+    maps->publish_robots(map);
+    return path.size() > before;
+  }));
+}
+
 TEST_F(MapPublisherTest, transforms_lead_from_the_team_to_where_each_robot_is) {
   begin();
   const Stamp now = stamp_of(ros::Time::now());
@@ -273,8 +325,10 @@ TEST_F(MapPublisherTest, robots_whose_odometry_frames_have_one_name_do_not_fight
   MapPublisherOptions options;
   options.tier = "cloud";
   options.team_transforms = TeamTransforms::none;
-  options.robots = {{RobotId("alpha"), "odometry", "", ""}, {RobotId("beta"), "odometry", "", ""}};
-  MapPublisher maps(*node_, RosNames({"alpha", "beta", "cloud"}), options, pool_);
+  options.robots = {RobotId("alpha"), RobotId("beta")};
+  RobotMapsOptions robots;
+  robots.robots = {{RobotId("alpha"), "odometry", "", ""}, {RobotId("beta"), "odometry", "", ""}};
+  Publishers maps(*node_, options, robots, pool_);
   const Inbox<tf2_msgs::TFMessage> sent(*node_, "/tf");
   auto topic = node_->advertise<nav_msgs::Odometry>("odometry", 100, true);
   const Stamp newest{1'700'000'000'000'000'000};

@@ -45,6 +45,14 @@ TEST(RobotMap, is_of_the_part_with_the_newest_pose) {
   EXPECT_FALSE(robot_map(runtime::LivePreview{}, RobotId("alpha")));
 }
 
+TEST(RobotMap, of_a_map_of_its_own_is_the_same_wherever_that_lies) {
+  const auto own = robot_map(two_parts().parts[0].map, RobotId("alpha"));
+  ASSERT_TRUE(own);
+  EXPECT_LT((own->map.nodes.back().second.map_from_node.t - Eigen::Vector3d(2, 0, 0)).norm(), 1e-12);
+  EXPECT_EQ(own->trajectory.size(), 2u);
+  EXPECT_FALSE(robot_map(Map(), RobotId("alpha")));
+}
+
 TEST(RobotMap, looks_other_once_a_node_comes_or_moves_or_shows_something_else) {
   const Map map = two_parts().parts[0].map;
   EXPECT_FALSE(looks_the_same(map, two_parts().parts[0].map)) << "scans of their own";

@@ -149,6 +149,28 @@ TEST_F(LiveTeam, shows_previews_while_robots_drive) {
   expect_as_run();
 }
 
+TEST_F(LiveTeam, shows_robots_own_maps_whatever_previews_there_are) {
+  options.speed = 4.0;
+  options.preview_period_s = 1e6;
+  keeps_previews = true;
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  const PlannedRobot& first = plan.robots.front();
+  const LiveEdge& edge = *edges.at(first.edge.str());
+  await([&] { return edge.map_so_far(first.id) != nullptr; });
+  const auto begun = edge.map_so_far(first.id);
+  EXPECT_LT(begun->nodes.size(), 20u) << "from its first scans on";
+  EXPECT_EQ(begun->id, MapId(first.id.str()));
+  await([&] { return edge.map_so_far(first.id)->nodes.size() > begun->nodes.size() + 10; });
+  EXPECT_EQ(edge.preview(), nullptr);
+  EXPECT_EQ(edges.at(first.edge.str() == "north" ? "south" : "north")->map_so_far(first.id), nullptr);
+  result();
+  EXPECT_GT(edge.map_so_far(first.id)->nodes.size(), begun->nodes.size() + 10);
+  expect_as_run();
+}
+
 TEST_F(LiveTeam, does_what_users_ask_for_while_robots_drive) {
   options.speed = 8.0;
   options.preview_period_s = 0.1;

@@ -35,6 +35,21 @@ def odometry(stamp, x, y, heading, topic="/odom", child="base_link"):
     return topic, "nav_msgs/Odometry", stamp, data
 
 
+def image(stamp, width, height, pixels, topic, frame="camera"):
+    """Grey: a byte for each pixel."""
+    data = _header(stamp, frame) + struct.pack("<II", height, width) + _text("mono8") + b"\0" + struct.pack("<I", width) + _text(pixels)
+    return topic, "sensor_msgs/Image", stamp, data
+
+
+def camera_info(stamp, width, height, focal, topic, frame="camera"):
+    """Of a pinhole without distortion, whose centre is that of the picture."""
+    x, y = (width - 1) / 2, (height - 1) / 2
+    data = _header(stamp, frame) + struct.pack("<II", height, width) + _text("plumb_bob") + struct.pack("<I5d", 5, *5 * [0.0])
+    data += struct.pack("<9d", focal, 0, x, 0, focal, y, 0, 0, 1) + struct.pack("<9d", 1, 0, 0, 0, 1, 0, 0, 0, 1)
+    data += struct.pack("<12d", focal, 0, x, 0, 0, focal, y, 0, 0, 0, 1, 0) + bytes(8 + 17)
+    return topic, "sensor_msgs/CameraInfo", stamp, data
+
+
 def transforms(stamp, links, topic="/tf_static"):
     """`links`: (parent, child, x, y, z, heading, roll)."""
     data = struct.pack("<I", len(links))

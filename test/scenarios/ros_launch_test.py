@@ -40,6 +40,11 @@ def free_port():
                 pass
 
 
+def is_open(port):
+    with socket.socket() as caller:
+        return caller.connect_ex(("127.0.0.1", port)) == 0
+
+
 def drives(scans):
     """What both robots publish, in the order of stamps."""
     messages = [message for robot, shift in ROBOTS.items() for message in ros1_bags.drive(scans, robot, shift)]
@@ -258,6 +263,56 @@ class Launch(Program):
         for robot in self.read_json(f"{out}/summary.json")["robots"]:
             self.assertGreater(robot["scans"], 20, robot["id"])
         self.assertEqual(self.read_json(f"{out}/summary.json")["team"]["members"], [["alpha", "beta"]])
+
+    def test_names_are_remapped_in_launch_files_of_one_s_own(self):
+        self.write("own.launch", """<launch>
+  <node pkg="mapweave" type="mapweave_ros" name="mapper" output="screen" required="true" args="team alpha --out maps --port -1">
+    <remap from="/alpha/scan" to="/alpha/front/scan"/>
+  </node>
+</launch>
+""")
+        launched = self.begin("roslaunch", "-p", self.port, self.folder / "own.launch")
+        messages = [(topic.replace("/scan", "/front/scan"), *rest) for topic, *rest in drives(40) if "/beta/" not in topic]
+        self.assert_ends(self.play(messages, 8.0), 0)
+        self.call("/team/finish")
+        self.assert_ends(launched, 0)
+        self.assertIn("records /alpha/scan, /alpha/odom,", launched.log.read_text())
+        self.mapweave("slam", next(self.folder.rglob("alpha.mcap")), "--out", "batch")
+        self.assertGreater(self.read_json("batch/summary.json")["robots"][0]["scans"], 20)
+
+    def test_a_coordinator_gives_robots_to_edges(self):
+        self.write("office.yaml", """robots:
+  - {id: alpha, log: recordings/alpha.mcap}
+  - {id: beta, log: recordings/beta.mcap}
+edges: [{id: north}, {id: south}]
+coordinator: {method: default, overlap_period_s: 1}
+""")
+        broker = self.begin(serve_test.BROKER, "-js", "-a", "127.0.0.1", "-p", self.broker_port, "-sd", self.folder / "broker")
+        self.await_word(broker, "Server is ready")
+        roles = [("coordinator", ("out", "plans")), ("cloud", ("out", "maps/room")), *(("edge", ("name", edge)) for edge in ("north", "south")),
+                 *(("robot", ("name", robot)) for robot in ROBOTS)]
+        options = ("options", f"--set live.broker=nats://127.0.0.1:{self.broker_port} --set live.preview_period_s=0.5 --set live.store=store")
+        self.write("office.launch", "<launch>\n" + "".join(
+            f'<include file="$(find mapweave)/launch/{role}.launch">'
+            + "".join(f'<arg name="{name}" value="{value}"/>' for name, value in [("config", "office.yaml"), ("required", "false"), own, options])
+            + "</include>\n" for role, own in roles) + "</launch>\n")
+        self.begin("rosmaster", "--core", "-p", self.port)   # beside a master of its own roslaunch stays when all nodes have ended
+        self.await_(lambda: is_open(self.port), "the master")
+        launched = self.begin("roslaunch", "-p", self.port, self.folder / "office.launch")
+        player = self.play(drives(60), 4.0)
+        self.await_word(player, "begins")
+        plan = self.asked(PYTHON, "-c", "import rospy; from std_msgs.msg import String; from nav_msgs.msg import OccupancyGrid\nrospy.init_node('looker')\n"
+                          "print(*rospy.wait_for_message('/coordinator/plan', String, 15).data.split())\n"
+                          "print(rospy.wait_for_message('/alpha/map', OccupancyGrid, 15).header.frame_id)")
+        plan, frame = plan.strip().splitlines()
+        self.assertRegex(plan, "alpha.*(north|south)")
+        self.assertEqual(frame, "alpha/map")
+        self.assert_ends(player, 0)
+        for robot in ROBOTS:
+            self.call(f"/{robot}/finish")
+        self.assert_ends(launched, 0)
+        self.assertEqual(self.read_json("maps/room/summary.json")["team"]["members"], [["alpha", "beta"]])
+        self.assertTrue(self.read_json("plans/plan.json")["done"])
 
     def test_a_deployment_is_paused_and_goes_on_to_its_map(self):
         self.write("office.yaml", (self.prefix / "share/mapweave/launch/all.yaml").read_text())

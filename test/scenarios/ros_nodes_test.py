@@ -4,10 +4,12 @@ import pathlib
 import pickle
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
 import unittest
+import zlib
 
 import ros1_bags
 import support
@@ -36,6 +38,38 @@ def drives(robots=SHIFTS, scans=40):
     """What all robots publish, in the order of stamps."""
     messages = [message for robot, shift in robots.items() for message in ros1_bags.drive(scans, robot, shift)]
     return sorted(messages, key=lambda message: message[2])
+
+
+def grey_pixels(png):
+    """(width, height, bytes) of a grey picture of 8 bits."""
+    at, packed = 8, b""
+    while at < len(png):
+        length, kind = struct.unpack_from(">I4s", png, at)
+        if kind == b"IHDR":
+            width, height, bits, colours = struct.unpack_from(">IIBB", png, at + 8)
+            assert (bits, colours) == (8, 0)
+        elif kind == b"IDAT":
+            packed += png[at + 8:at + 8 + length]
+        at += 12 + length
+    raw, rows, above = zlib.decompress(packed), [], bytes(width)
+    for y in range(height):
+        line, row = raw[y * (width + 1):(y + 1) * (width + 1)], bytearray(width)
+        how, left, corner = line[0], 0, 0
+        for x, (value, up) in enumerate(zip(line[1:], above)):
+            if how == 1:
+                value += left
+            elif how == 2:
+                value += up
+            elif how == 3:
+                value += (left + up) // 2
+            elif how == 4:
+                off_left, off_up, off_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
+                value += left if off_left <= off_up and off_left <= off_corner else up if off_up <= off_corner else corner
+            left, corner = value & 255, up
+            row[x] = left
+        above = bytes(row)
+        rows.append(above)
+    return width, height, b"".join(rows)
 
 
 class RosNodes(support.Scenario):
@@ -191,9 +225,100 @@ print(rospy.wait_for_message('/diagnostics', DiagnosticArray, 20))
         self.await_word(player, "ended")
         self.finish(again)
         for robot in self.read_json("maps/summary.json")["robots"]:
-            self.assertGreater(robot["scans"], 40)
+            self.assertGreater(robot["scans"], 30)
         self.mapweave("run", "maps.logs/run.yaml", "--out", "batch")
         self.assertEqual((self.folder / "maps/team/map.pgm").read_bytes(), (self.folder / "batch/team/map.pgm").read_bytes())
+
+    def test_a_bag_that_is_played_again_to_a_restarted_node_counts_once(self):
+        node = self.team()
+        self.await_word(self.play(drives(), 8.0, 1, "keep"), "ended")
+        time.sleep(1.0)
+        node.kill()
+        node.wait()
+        again = self.team()
+        self.await_word(again, "goes on with the recording")
+        self.await_word(self.play(drives(), 8.0), "ended")
+        self.assertIn("jumped back", again.log.read_text())
+        self.finish(again)
+        self.same_as_batch(40)
+
+    def test_a_team_that_is_killed_after_a_robot_s_drive_goes_on(self):
+        node = self.team()
+        self.await_word(self.play(drives(), 8.0, 1, "keep"), "ended")
+        self.assertIn("success: True", self.call("/tb0/finish", "std_srvs/Trigger"))
+        self.await_word(node, "robot tb0 has ended; 40 scans are mapped")
+        node.kill()
+        node.wait()
+        again = self.team()
+        self.await_word(again, "robot tb0 has ended its drive")
+        self.await_word(again, "robot tb1 goes on with the recording")
+        self.finish(again)
+        self.same_as_batch(40)
+        refused = self.team("--force")
+        refused.wait(30 * support.PATIENCE)
+        self.assertEqual(refused.returncode, support.BAD_INPUT)
+        self.assertIn("finished recording of an earlier drive", refused.log.read_text())
+
+    def test_topics_are_remapped_as_those_of_any_node(self):
+        behind = [(topic.replace("/scan", "/rear/scan"), *rest) for topic, *rest in drives(robots={"tb0": 0.0}, scans=40) if topic == "/tb0/scan"]
+        ahead = [(topic.replace("/tb0/scan", "/tb0/front/scan").replace("/tb0/odom", "/wheels/odometry"), *rest) for topic, *rest in drives(robots={"tb0": 0.0})]
+        node = self.team("/tb0/scan:=/tb0/front/scan", "/tb0/odom:=/wheels/odometry", "/tb0/map:=/tb0/slam_map", robots=["tb0"])
+        messages = sorted(ahead + behind, key=lambda message: message[2])
+        (self.folder / "messages").write_bytes(pickle.dumps(messages))
+        player = self.begin(PYTHON, "-B", HERE / "ros_player.py", "messages", 8.0, 1, MAPWEAVE_PLAYER="keep eager")
+        self.await_word(node, "records /tb0/scan, /tb0/odom")
+        self.await_word(player, "ended")
+        self.assertIn("tb0/map", self.run_python("""
+import rospy
+from nav_msgs.msg import OccupancyGrid
+rospy.init_node('looker', anonymous=True)
+print(rospy.wait_for_message('/tb0/slam_map', OccupancyGrid, 20).header.frame_id)
+""").stdout)
+        self.finish(node)
+        self.mapweave("run", "maps.logs/run.yaml", "--out", "batch")
+        self.assertEqual((self.folder / "maps/team/map.mwdb").read_bytes(), (self.folder / "batch/team/map.mwdb").read_bytes())
+        self.assertGreater(self.read_json("maps/summary.json")["robots"][0]["scans"], 20)
+
+    def test_a_robot_s_map_is_shown_from_its_first_scan_on(self):
+        node = self.begin(NODES, "team", "tb0", "--out", "maps", "--port", "-1", "--set", "live.preview_period_s=1000", "--set", "reading.reorder_window_s=0.1")
+        few = drives(robots={"tb0": 0.0}, scans=6)
+        self.await_word(self.play(few, 1.0, 1, "keep"), "ended")
+        print_first = """
+import rospy
+from nav_msgs.msg import OccupancyGrid, Path
+rospy.init_node('looker', anonymous=True)
+print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).data.count(100), len(rospy.wait_for_message('/tb0/path', Path, 20).poses))
+"""
+        walls, poses = map(int, self.run_python(print_first).stdout.split())
+        self.assertGreater(walls, 20)
+        self.assertIn(poses, range(1, 6))
+        node.kill()
+
+    def test_a_robot_with_a_camera_is_mapped_as_its_recording(self):
+        self.mapweave("simulate", self.write("world.yaml", """
+seed: 7
+buildings: [{kind: apartment, apartment: {width_m: 8, height_m: 7}}]
+cameras: [{id: eye, kind: mono, width: 320, height: 240, fx: 262, fy: 262, frames_per_second: 5}]
+logs: {layout: folders}
+robots: [{id: alpha, length_m: 2}]
+"""), "--out", "world")
+        messages = []
+        for picture in sorted((self.folder / "world").glob("alpha_*/rgb/*.png")):
+            width, height, pixels = grey_pixels(picture.read_bytes())
+            stamp = float(picture.stem)
+            messages.append(ros1_bags.camera_info(stamp, width, height, 262.0, "/eye/camera/camera_info"))
+            messages.append(ros1_bags.image(stamp, width, height, pixels, "/eye/camera/image_raw"))
+        self.assertGreater(len(messages), 60)
+        node = self.team(robots=["eye"])
+        self.await_word(self.play(messages, 4.0, 1, "keep"), "ended")
+        self.assertIn("/eye/camera/image_raw", node.log.read_text())
+        self.finish(node)
+        self.mapweave("run", "maps.logs/run.yaml", "--out", "batch")
+        results = [path.relative_to(self.folder / "batch") for path in (self.folder / "batch").rglob("*") if path.name in ("map.mwdb", "trajectory.tum")]
+        self.assertGreater(len(results), 1)
+        for result in results:
+            self.assertEqual((self.folder / "maps" / result).read_bytes(), (self.folder / "batch" / result).read_bytes(), result)
+        self.assertGreater(self.read_json("maps/summary.json")["robots"][0]["cameras"][0]["tracked"], 20)
 
     def test_a_killed_master_stops_nothing_and_a_new_one_knows_the_nodes(self):
         node = self.team()
@@ -256,13 +381,54 @@ publisher.publish(pose); rospy.sleep(1.0)
         self.assertIn("has sensed nothing", node.log.read_text())
         self.assertTrue((self.folder / "maps/team/map.pgm").exists())
 
-    def test_programs_of_a_deployment_are_nodes_too(self):
+    def start_broker(self):
         import serve_test
         if serve_test.BROKER is None:
             self.skipTest("needs nats-server")
         port = free_port()
         broker = self.begin(serve_test.BROKER, "-js", "-a", "127.0.0.1", "-p", port, "-sd", self.folder / "broker")
         self.await_word(broker, "Server is ready")
+        return port
+
+    def test_a_robot_that_is_killed_before_all_was_sent_sends_the_rest(self):
+        port = self.start_broker()
+        self.write("team.yaml", f"""
+robots:
+  - {{id: tb0, log: logs/tb0.mcap, edge: north}}
+live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
+""")
+        cloud = self.begin(NODES, "cloud", "team.yaml", "--out", "maps")
+        edge = self.begin(NODES, "edge", "team.yaml", "--name", "north")
+        robot = self.begin(NODES, "robot", "team.yaml")
+        player = self.play(drives(robots={"tb0": 0.0}, scans=60), 4.0, 1, "keep")
+        self.await_word(player, "begins")
+        time.sleep(1.0)
+        edge.kill()   # what comes now is not confirmed
+        edge.wait()
+        self.await_word(player, "ended")
+        self.call("/tb0/finish", "std_srvs/Trigger")
+        self.await_word(robot, "ends its recording")
+        time.sleep(1.0)
+        robot.kill()
+        robot.wait()
+        self.assertTrue((self.folder / "logs/tb0.mcap.unsent").exists())
+        robot = self.begin(NODES, "robot", "team.yaml")
+        self.await_word(robot, "robot tb0 has ended its drive")
+        edge = self.begin(NODES, "edge", "team.yaml", "--name", "north")
+        for process in (robot, edge, cloud):
+            process.wait(120 * support.PATIENCE)
+            self.assertEqual(process.returncode, 0, process.log.read_text())
+        self.assertIn("its edge has all 60 scans", robot.log.read_text())
+        self.mapweave("run", "team.yaml", "--out", "batch")
+        self.assertEqual((self.folder / "maps/team/map.mwdb").read_bytes(), (self.folder / "batch/team/map.mwdb").read_bytes())
+        refused = self.begin(NODES, "robot", "team.yaml")
+        refused.wait(30 * support.PATIENCE)
+        self.assertEqual(refused.returncode, support.BAD_INPUT)
+        self.assertIn("finished recording of an earlier drive", refused.log.read_text())
+        self.assertIn("move it away", refused.log.read_text())
+
+    def test_programs_of_a_deployment_are_nodes_too(self):
+        port = self.start_broker()
         self.write("team.yaml", f"""
 robots:
   - {{id: tb0, log: logs/tb0.mcap, edge: north}}

@@ -1,7 +1,7 @@
 """Publishes pickled messages (topic, type, seconds from the start, serialized) over ROS:  ros_player.py FILE SPEED [SUBSCRIBERS]
 
 Begins when each topic but those of transforms has SUBSCRIBERS (1); prints "begins", then "ended". A line "clock" in MAPWEAVE_PLAYER makes it
-publish /clock too; "again" plays everything twice; "keep" stays until standard input ends, as a robot does whose battery lasts.
+publish /clock too; "again" plays everything twice; "eager" begins when two topics have subscribers; "keep" stays until standard input ends, as a robot does whose battery lasts.
 """
 import os
 import pickle
@@ -31,7 +31,7 @@ def tick(seconds):
 
 
 first = MESSAGES[0][2]
-while any(publisher.get_num_connections() < SUBSCRIBERS for publisher in waited):
+while sum(publisher.get_num_connections() >= SUBSCRIBERS for publisher in waited) < (2 if "eager" in MODES else len(waited)):
     tick(first)
     time.sleep(0.02)
 print("begins", flush=True)

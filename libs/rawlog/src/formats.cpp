@@ -17,7 +17,7 @@
 namespace mapweave::rawlog {
 namespace {
 
-constexpr std::size_t kStartBytes = 1 << 16;
+constexpr std::size_t kStartBytes = 1 << 16, kMagicBytes = 8;
 
 std::string extension_of(const std::filesystem::path& path) {
   auto name = path.filename();
@@ -43,7 +43,8 @@ const std::vector<Format>& formats() {
 }
 
 const Format& recognise(ByteSource& bytes) {
-  const auto start = bytes.ahead(kStartBytes);
+  // A recording that a robot writes at a few kB a second is known by its first bytes.
+  const auto start = bytes.ahead(ros::is_mcap(bytes.ahead(kMagicBytes)) ? kMagicBytes : kStartBytes);
   for (const Format& format : formats()) {
     if (format.recognises(start)) return format;
   }

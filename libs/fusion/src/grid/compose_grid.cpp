@@ -1,6 +1,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
-#include <mapweave/fusion/compose_grid.h>
+#include <mapweave/fusion/growing_grid.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kWidest_m = 2000.0;  // beyond that a pose is wrong; bounds memory
 constexpr int kBandRows = 256;        // a band of rows is drawn by one worker
+constexpr double kFarWall_m = 10.0;   // that may be drawn off by a cell where its scan turned a little
 
 std::int16_t units(double probability) {
   return static_cast<std::int16_t>(
@@ -78,20 +79,16 @@ struct Content {
     drawn.count = rays.size() - drawn.first;
     scans.push_back(drawn);
   }
-};
-
-Content content_of(const Map& map, double max_range_m) {
-  Content content;
-  for (const auto& [id, node] : map.nodes) {
-    if (!node.payload) continue;
+  void add(const Node& node, double max_range_m) {
+    if (!node.payload) return;
     const Pose2 pose = planar(node.map_from_node);
     if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get()))
-      content.add(*grid, pose);
+      add(*grid, pose);
     else if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
-      content.add(*scan, pose, max_range_m);  // keyframes show no walls
+      add(*scan, pose, max_range_m);  // keyframes show no walls
   }
-  return content;
-}
+  bool empty() const { return scans.empty() && rasters.empty(); }
+};
 
 void expect_drawable(const Extent& extent) {
   const double widest_m = std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y);
@@ -109,7 +106,7 @@ OccupancyGrid blank(const Content& content, double resolution_m) {
   double finest_m = 1e300;
   for (const auto& raster : content.rasters) finest_m = std::min(finest_m, raster.grid->resolution_m);
   if (content.scans.empty() && !content.rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);
-  if (content.scans.empty() && content.rasters.empty()) return grid;
+  if (content.empty()) return grid;
   const Extent& extent = content.extent;
   expect_drawable(extent);
   const double per_metre = 1.0 / grid.resolution_m;
@@ -207,12 +204,8 @@ class Band {
   const double low_y_, high_y_, per_metre_;
 };
 
-}  // namespace
-
-OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, WorkerPool& pool) {
-  const Content content = content_of(map, options.max_range_m);
-  OccupancyGrid grid = blank(content, options.resolution_m);
-  // Bands of rows are drawn side by side, each by all scans in order: the same sums whatever the number of threads.
+// Bands of rows are drawn side by side, each by all scans in order: the same sums whatever the number of threads.
+void draw(const Content& content, const ComposeOptions& options, WorkerPool& pool, OccupancyGrid& grid) {
   const int hit = units(options.hit_probability), miss = units(options.miss_probability);
   const auto bands = static_cast<std::size_t>((grid.rows + kBandRows - 1) / kBandRows);
   pool.for_each(bands, [&](std::size_t number) {
@@ -222,7 +215,75 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     for (const DrawnRaster& raster : content.rasters) band.draw(raster);
     for (const DrawnScan& scan : content.scans) band.draw(scan, content.rays, hit, miss);
   });
+}
+
+// So that a grid of this extent covers all cells of another.
+void cover(const OccupancyGrid& grid, Extent& extent) {
+  const double inside_m = 1.5 * grid.resolution_m;  // blank() leaves a margin
+  extent.add(grid.origin_x_m + inside_m, grid.origin_y_m + inside_m);
+  extent.add(grid.origin_x_m + grid.columns * grid.resolution_m - inside_m,
+             grid.origin_y_m + grid.rows * grid.resolution_m - inside_m);
+}
+
+// To where they are in a grid that covers them: cells are whole ones from the map's origin.
+void copy_cells(const OccupancyGrid& from, OccupancyGrid& to) {
+  const auto column = std::lround((from.origin_x_m - to.origin_x_m) / to.resolution_m),
+             row = std::lround((from.origin_y_m - to.origin_y_m) / to.resolution_m);
+  for (std::ptrdiff_t y = 0; y < from.rows; ++y)
+    std::copy_n(from.log_odds.begin() + y * from.columns, from.columns,
+                to.log_odds.begin() + (row + y) * to.columns + column);
+}
+
+}  // namespace
+
+OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, WorkerPool& pool) {
+  Content content;
+  for (const auto& entry : map.nodes) content.add(entry.second, options.max_range_m);
+  OccupancyGrid grid = blank(content, options.resolution_m);
+  draw(content, options, pool, grid);
   return grid;
+}
+
+// Whether all that was drawn is there, in the same order and place, before what is new.
+bool GrowingGrid::goes_on_in(const Map& map) const {
+  const double most_m = 0.5 * options_.resolution_m;
+  auto node = map.nodes.begin();
+  for (const Drawn& drawn : drawn_) {
+    while (node != map.nodes.end() && node->second.payload == nullptr) ++node;
+    if (node == map.nodes.end() || node->first != drawn.node || node->second.payload != drawn.payload) return false;
+    const Pose3& now = node->second.map_from_node;
+    if ((now.t - drawn.map_from_node.t).norm() > most_m ||
+        now.q.angularDistance(drawn.map_from_node.q) > most_m / kFarWall_m)
+      return false;
+    ++node;
+  }
+  return true;
+}
+
+const OccupancyGrid& GrowingGrid::draw(const Map& map, WorkerPool& pool) {
+  if (!goes_on_in(map)) {
+    drawn_.clear();
+    grid_ = {};
+  }
+  Content content;
+  std::vector<Drawn> fresh;
+  std::size_t known = drawn_.size();
+  for (const auto& [id, node] : map.nodes) {
+    if (node.payload == nullptr || (known > 0 && known-- > 0)) continue;
+    content.add(node, options_.max_range_m);
+    fresh.push_back({id, node.payload, node.map_from_node});
+  }
+  if (!content.rasters.empty()) {  // they may be coarser
+    grid_ = compose_grid(map, options_, pool);
+  } else if (!content.empty()) {
+    if (!grid_.empty()) cover(grid_, content.extent);
+    OccupancyGrid grid = blank(content, options_.resolution_m);
+    copy_cells(grid_, grid);
+    fusion::draw(content, options_, pool, grid);
+    grid_ = std::move(grid);
+  }
+  drawn_.insert(drawn_.end(), fresh.begin(), fresh.end());
+  return grid_;
 }
 
 }  // namespace mapweave::fusion

@@ -4,6 +4,8 @@
 #include <mapweave/core/error.h>
 #include <mapweave/rawlog/ros_recorder.h>
 
+#include <algorithm>
+#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -13,7 +15,9 @@ namespace {
 using ros::Opcode;
 
 constexpr const char* kLibrary = "mapweave RosRecorder";
-constexpr std::size_t kMostHeadBytes = std::size_t{1} << 20;  // of all that stands before the first message
+constexpr std::size_t kMostHeadBytes = std::size_t{1} << 20;        // of all that stands before the first message
+constexpr std::size_t kStampAt = 4, kStampBytes = 8;                // in a message that begins with a header
+constexpr std::size_t kMessageStart = 22 + kStampAt + kStampBytes;  // fields of a record up to the message's stamp
 
 template <class Number>
 void append_number(std::string& to, Number number) {
@@ -64,18 +68,23 @@ std::string end_of_recording() {
   return bytes + std::string(ros::kMcapMagic);
 }
 
-// Goes over the records of a recording that was not finished.
+void raise(std::optional<std::int64_t>& newest_ns, std::optional<std::int64_t> stamp_ns) {
+  if (stamp_ns) newest_ns = std::max(newest_ns.value_or(*stamp_ns), *stamp_ns);
+}
+
+// Goes over the records of a recording.
 class WholeRecords {
  public:
   explicit WholeRecords(const GrowingLog& file) : file_(file) {}
 
-  // Where the last whole record ends.
+  // Where the last whole record ends, before those of the recording's end.
   std::uint64_t walk() {
     if (read(0, ros::kMcapMagic.size()) != ros::kMcapMagic) refuse("is no MCAP recording");
     std::uint64_t at = ros::kMcapMagic.size();
     for (bool is_first = true; file_.bytes() - at >= ros::kRecordHeadBytes; is_first = false) {
       const ros::RecordHead head = ros::parse_head(read(at, ros::kRecordHeadBytes).c_str());
-      if (head.opcode == Opcode::kDataEnd || head.opcode == Opcode::kFooter) refuse("is a finished recording");
+      is_finished_ = head.opcode == Opcode::kDataEnd || head.opcode == Opcode::kFooter;
+      if (is_finished_) break;
       if (head.bytes > file_.bytes() - at - ros::kRecordHeadBytes) break;
       take(head, at + ros::kRecordHeadBytes, is_first);
       at += ros::kRecordHeadBytes + head.bytes;
@@ -89,16 +98,31 @@ class WholeRecords {
     for (const ros::BagTopic& topic : channels_.topics()) topics.push_back({topic.name, topic.type, {}});
     return topics;
   }
+  bool is_finished() const { return is_finished_; }
+  std::vector<std::optional<std::int64_t>> newest_ns() const {
+    std::vector<std::optional<std::int64_t>> newest = newest_ns_;
+    newest.resize(channels_.topics().size());
+    return newest;
+  }
 
  private:
   void take(const ros::RecordHead& head, std::uint64_t at, bool is_first) {
-    if (head.opcode == Opcode::kMessage) return;
+    if (head.opcode == Opcode::kMessage) return take_stamp(head, at);
     if (head.bytes > kMostHeadBytes) refuse("has a record that is too long");
     const std::string fields = read(at, static_cast<std::size_t>(head.bytes));
     if (is_first != (head.opcode == Opcode::kHeader) || (is_first && fields.find(kLibrary) == std::string::npos))
       refuse("was written by another program");
     if (head.opcode == Opcode::kSchema) channels_.add_schema(fields);
     if (head.opcode == Opcode::kChannel) channels_.add_channel(fields);
+  }
+
+  void take_stamp(const ros::RecordHead& head, std::uint64_t at) {
+    const std::string fields = read(at, static_cast<std::size_t>(std::min<std::uint64_t>(head.bytes, kMessageStart)));
+    const ros::McapMessage message = ros::parse_message(fields);
+    const auto topic = channels_.topic_of(message.channel);
+    if (!topic) return;
+    newest_ns_.resize(channels_.topics().size());
+    raise(newest_ns_[*topic], stamp_of_message(channels_.topics()[*topic].type, message.data));
   }
 
   std::string read(std::uint64_t at, std::size_t count) const {
@@ -114,6 +138,8 @@ class WholeRecords {
 
   const GrowingLog& file_;
   ros::McapChannels channels_;
+  std::vector<std::optional<std::int64_t>> newest_ns_;  // by topic
+  bool is_finished_ = false;
 };
 
 bool is_of_camera(const std::string& type) {
@@ -121,6 +147,15 @@ bool is_of_camera(const std::string& type) {
 }
 
 }  // namespace
+
+std::optional<std::int64_t> stamp_of_message(const std::string& type, std::string_view message) {
+  if (type == "tf2_msgs/TFMessage" || type == "tf/tfMessage" || message.size() < kStampAt + kStampBytes)
+    return std::nullopt;
+  std::uint32_t parts[2];  // seconds, nanoseconds
+  std::memcpy(parts, message.data() + kStampAt, sizeof parts);
+  const std::int64_t stamp_ns = std::int64_t{parts[0]} * 1'000'000'000 + parts[1];
+  return stamp_ns == 0 ? std::nullopt : std::optional(stamp_ns);
+}
 
 std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& there, const ReadOptions& reading,
                                             bool with_cameras, const std::string& where) {
@@ -138,7 +173,7 @@ std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& th
 }
 
 RosRecorder::RosRecorder(std::filesystem::path path, std::vector<RecordedTopic> topics)
-    : topics_(std::move(topics)), file_(std::move(path), GrowingLog::Begin::new_file) {
+    : topics_(std::move(topics)), file_(std::move(path), GrowingLog::Begin::new_file), newest_ns_(topics_.size()) {
   MAPWEAVE_EXPECT(!topics_.empty() && topics_.size() < std::numeric_limits<std::uint16_t>::max(),
                   "a recording has topics");
   file_.add(beginning_of(topics_));
@@ -146,8 +181,13 @@ RosRecorder::RosRecorder(std::filesystem::path path, std::vector<RecordedTopic> 
 
 RosRecorder::RosRecorder(std::filesystem::path path) : file_(std::move(path), GrowingLog::Begin::existing_file) {
   WholeRecords records(file_);
-  file_.cut(records.walk());
+  const std::uint64_t end = records.walk();
   topics_ = records.topics();
+  newest_ns_ = records.newest_ns();
+  if (records.is_finished())
+    file_.finish();
+  else
+    file_.cut(end);
 }
 
 void RosRecorder::add(std::size_t topic, std::int64_t received_ns, std::string_view message) {
@@ -163,6 +203,7 @@ void RosRecorder::add(std::size_t topic, std::int64_t received_ns, std::string_v
   append_record(record, Opcode::kMessage, fields);
   file_.add(record);
   ++messages_;
+  raise(newest_ns_[topic], stamp_of_message(topics_[topic].type, message));
 }
 
 void RosRecorder::finish() {
@@ -180,6 +221,11 @@ bool RosRecorder::is_finished() const {
 std::uint64_t RosRecorder::messages() const {
   const std::lock_guard lock(mutex_);
   return messages_;
+}
+
+std::optional<std::int64_t> RosRecorder::newest_ns(std::size_t topic) const {
+  const std::lock_guard lock(mutex_);
+  return newest_ns_.at(topic);
 }
 
 }  // namespace mapweave::rawlog

@@ -192,7 +192,7 @@ void LiveCloud::State::preview() {
     for (const Verdict& verdict : result.verdicts)
       if (verdict.decision != Decision::accepted && !verdict.in_one_map)
         apart.push_back(verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(verdict));
-    if (site.keeps_previews) next = preview_of(result, counts.previews + 1);
+    if (site.keeps_previews) next = preview_of(rounds, counts.previews + 1);
   } catch (const Interrupted&) {  // who was told to end ends this
     return;
   }

@@ -303,6 +303,12 @@ std::shared_ptr<const LivePreview> LiveEdge::preview() const {
   return state_->shown;
 }
 
+std::shared_ptr<const Map> LiveEdge::map_so_far(const RobotId& robot) const {
+  const std::lock_guard lock(state_->mutex);
+  const auto known = state_->robots.find(robot);
+  return known != state_->robots.end() && known->second.is_member ? known->second.own : nullptr;
+}
+
 LiveEdgeCounts LiveEdge::counts() const {
   const State& state = *state_;
   const std::lock_guard lock(state.mutex);

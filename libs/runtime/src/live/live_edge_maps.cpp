@@ -15,11 +15,57 @@ namespace mapweave::runtime {
 
 namespace subject = tiers::subject;
 
+namespace {
+
+constexpr double kBetweenMaps_s = 0.3;
+constexpr int kMapCost = 10;  // reading a robot's map so far takes at most a tenth of its thread's time
+
+std::shared_ptr<const Map> named(Map map, const RobotId& robot) {
+  if (map.empty()) return nullptr;
+  map.id = MapId(robot.str());
+  return std::make_shared<const Map>(std::move(map));
+}
+
+Map nodes_of(const Map& map) {
+  Map nodes;
+  for (const auto& [id, node] : map.nodes)
+    if (node.payload != nullptr) nodes.nodes.set(id, node);
+  return nodes;
+}
+
+}  // namespace
+
+// False: the edge ends.
+bool LiveEdge::State::await_work(Robot& robot, std::unique_lock<std::mutex>& lock) {
+  const auto is_there = [&] { return ends || !robot.queue.empty(); };
+  while (robot.has_news && !changed.wait_until(lock, robot.reads_again, is_there)) read_map(robot, lock);
+  changed.wait(lock, is_there);
+  return !ends;
+}
+
+// What was mapped lately, for previews and for who looks.
+void LiveEdge::State::read_map(Robot& robot, std::unique_lock<std::mutex>& lock) {
+  if (!robot.has_news || Clock::now() < robot.reads_again) return;
+  lock.unlock();
+  robot.has_news = false;
+  const Clock::time_point before = Clock::now();
+  std::shared_ptr<const Map> map;
+  try {
+    map = named(tiers::growing_part(robot.slam->map_so_far()), robot.planned->id);
+  } catch (const Interrupted&) {  // who was told to end ends this
+  }
+  const Clock::time_point now = Clock::now();
+  const double period_s = std::min(kBetweenMaps_s, site.options.preview_period_s);
+  robot.reads_again =
+      now + std::max(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period_s)),
+                     kMapCost * (now - before));
+  lock.lock();
+  if (map) robot.so_far = robot.own = std::move(map);
+}
+
 void LiveEdge::State::map(Robot& robot) {
   std::unique_lock lock(mutex);
-  while (true) {
-    changed.wait(lock, [&] { return ends || !robot.queue.empty(); });
-    if (ends) return;
+  while (await_work(robot, lock)) {
     auto [sensed, bytes] = std::move(robot.queue.front());
     robot.queue.pop_front();
     const SessionId session = *robot.session;
@@ -38,7 +84,12 @@ void LiveEdge::State::map(Robot& robot) {
             robot.planned->id, std::nullopt,
             Error(ErrorCode::kHelperFailed, interrupted.message(), "robot " + robot.planned->id.str())};
       }
-    if (outcome) complete(robot, *outcome);
+    std::shared_ptr<const Map> whole;
+    if (outcome) {
+      complete(robot, *outcome);
+      if (outcome->map && site.keeps_previews) whole = named(nodes_of(*outcome->map), robot.planned->id);
+    }
+    robot.has_news = robot.slam && !robot.has_outcome;  // odometry may place a scan that was held back
     lock.lock();
     robot.queue_bytes -= bytes;
     ++robot.mapped;
@@ -46,6 +97,9 @@ void LiveEdge::State::map(Robot& robot) {
     if (is_scan) counts.mapping_s += std::chrono::duration<double>(Clock::now() - before).count();
     robot.lost_scans += is_lost ? 1 : 0;
     if (outcome) {
+      if (whole) robot.own = std::move(whole);
+      if (robot.on_board.record && !robot.on_board.maps.empty())
+        robot.so_far = named(tiers::growing_part(robot.on_board.maps.front()), robot.planned->id);
       robot.outcome = std::move(outcome);
       robot.has_ended = true;
       site.progress.say(
@@ -53,6 +107,7 @@ void LiveEdge::State::map(Robot& robot) {
           (robot.on_board.record ? "it mapped on board" : std::to_string(robot.scans) + " scans are mapped"));
     }
     changed.notify_all();
+    read_map(robot, lock);
   }
 }
 
@@ -63,7 +118,6 @@ void LiveEdge::State::begin(Robot& robot, const SessionId& session, bool is_on_b
   const RunConfiguration& configuration = configuration_of(site.configuration, *robot.planned);
   auto mapper = laser::make_laser_mapper({robot.planned->robot(), session.client.sensor}, configuration.laser,
                                          configuration.seed);
-  const std::lock_guard lock(robot.slam_mutex);
   robot.slam.emplace(robot.planned->id, std::move(mapper));
 }
 
@@ -71,7 +125,6 @@ std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed se
   RobotRecord& record = robot.record;
   const double before_s = thread_cpu_seconds();
   if (auto* part = std::get_if<MappedPart>(&sensed.body); part != nullptr && !robot.slam) {
-    const std::lock_guard lock(robot.slam_mutex);
     robot.on_board.add(std::move(*part), robot.planned->id);
     return std::nullopt;
   }
@@ -95,7 +148,6 @@ std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed se
   }
   std::optional<tiers::RobotOutcome> outcome;
   if (robot.slam) {
-    const std::lock_guard lock(robot.slam_mutex);
     outcome = robot.slam->step(std::move(sensed));
     for (const laser::LivePose& pose : robot.slam->take_live_poses())
       if (pose.is_matched) record.live.push_back({pose.stamp, pose.map_from_robot});
@@ -105,7 +157,6 @@ std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed se
 }
 
 tiers::RobotOutcome LiveEdge::State::mapped_on_board(Robot& robot, const std::optional<Error>& trouble) const {
-  const std::lock_guard lock(robot.slam_mutex);
   robot.record = *robot.on_board.record;
   std::vector<Map>& maps = robot.on_board.maps;
   if (robot.record.has_laser_map) return result_of(robot.record, maps, *robot.planned, site.configuration).outcome;
@@ -194,24 +245,10 @@ std::set<std::pair<MapId, MapId>> LiveEdge::State::refused() const {
   return maps;
 }
 
-// Of robots whose instance has time to say.
 void LiveEdge::State::read_parts() {
-  for (auto& [name, robot] : robots) {
-    {
-      const std::lock_guard lock(mutex);
-      if (!robot.is_member) continue;
-    }
-    Map part;
-    {
-      const std::unique_lock lock(robot.slam_mutex, std::try_to_lock);
-      if (lock.owns_lock() && robot.slam) part = tiers::growing_part(robot.slam->map_so_far());
-      if (lock.owns_lock() && robot.on_board.record && !robot.on_board.maps.empty())
-        part = tiers::growing_part(robot.on_board.maps.front());
-    }
-    if (part.empty()) continue;
-    part.id = MapId(name.str());
-    parts[name] = std::move(part);
-  }
+  const std::lock_guard lock(mutex);
+  for (const auto& [name, robot] : robots)
+    if (robot.is_member && robot.so_far) parts[name] = robot.so_far;
 }
 
 // What the coordinator is to know of them.
@@ -228,7 +265,7 @@ void LiveEdge::State::report_maps() {
       if (has_ended && robot.outcome && robot.outcome->map) map = &*robot.outcome->map;
     }
     const auto part = parts.find(name);
-    if (map == nullptr && part != parts.end()) map = &part->second;
+    if (map == nullptr && part != parts.end()) map = part->second.get();
     robot.has_reported_end = has_ended;
     if (map == nullptr || (map->nodes.size() == robot.reported_nodes && !has_ended)) continue;
     robot.reported_nodes = map->nodes.size();
@@ -261,8 +298,8 @@ void LiveEdge::State::preview() {
   if (is_coordinated) report_maps();
   std::vector<const Map*> maps;
   for (const auto& [name, part] : parts) {
-    rounds->put(part);
-    maps.push_back(&part);
+    rounds->put(*part);
+    maps.push_back(part.get());
   }
   if (!rounds->has_news()) return;
   rounds->set_priors(priors(maps));
@@ -273,7 +310,7 @@ void LiveEdge::State::preview() {
   for (const fusion::Component& component : result.components)
     if (component.members.size() > 1) joint.push_back(component.members);
   std::shared_ptr<const LivePreview> next;
-  if (site.keeps_previews) next = preview_of(result, counts.previews + 1);
+  if (site.keeps_previews) next = preview_of(*rounds, counts.previews + 1);
   const std::lock_guard lock(mutex);
   shown = std::move(next);
   ++counts.previews;

@@ -32,14 +32,16 @@ struct LiveEdge::State {
     bool has_ended = false, is_member = false;
     std::string map_report;  // the last one, encoded; empty: none yet
     std::optional<Clock::time_point> received_at;
-    // Of its thread, but for `slam` and `on_board` under slam_mutex.
-    std::mutex slam_mutex;
+    std::shared_ptr<const Map> so_far;  // growing_part of its map
+    std::shared_ptr<const Map> own;     // for who looks: its map so far; once it has ended, its map
+    // Of its thread.
     std::optional<tiers::RobotSlam> slam;
     OnBoardParts on_board;  // where it maps itself
     RobotRecord record;
     std::optional<Stamp> first_scan, last_scan;
-    Clock::time_point began{};
+    Clock::time_point began{}, reads_again{};
     bool has_outcome = false;
+    bool has_news = false;           // that `so_far` does not show
     std::size_t reported_nodes = 0;  // of the merging thread; of its map in map_report
     bool has_reported_end = false;
     std::thread mapper;
@@ -79,7 +81,7 @@ struct LiveEdge::State {
   std::optional<JournalSaver> saver;
 
   // Of the merging thread.
-  std::map<RobotId, Map> parts;  // maps so far, of members
+  std::map<RobotId, std::shared_ptr<const Map>> parts;  // maps so far, of members
   std::optional<tiers::RoundMerger> rounds;
   std::optional<tiers::EdgeServer> server;
   tiers::JudgingTask task;
@@ -105,6 +107,8 @@ struct LiveEdge::State {
   std::optional<tiers::RobotOutcome> step(Robot& robot, Sensed sensed, std::size_t bytes);
   tiers::RobotOutcome mapped_on_board(Robot& robot, const std::optional<Error>& trouble) const;
   static void complete(Robot& robot, const tiers::RobotOutcome& outcome);
+  bool await_work(Robot& robot, std::unique_lock<std::mutex>& lock);
+  void read_map(Robot& robot, std::unique_lock<std::mutex>& lock);
 
   void merge();
   void preview();

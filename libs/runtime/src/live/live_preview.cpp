@@ -1,12 +1,15 @@
 #include <mapweave/runtime/live_preview.h>
 
 #include <mapweave/core/error.h>
+#include <mapweave/exporters/session_trajectories.h>
 #include <mapweave/report/live_page.h>
+#include <mapweave/tiers/round_merger.h>
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 namespace mapweave::runtime {
 namespace {
@@ -43,16 +46,33 @@ OccupancyGrid drawn(const Map& map, fusion::ComposeOptions options) {
   }
 }
 
+std::optional<Pose3> part_from_own(const Map& own, const Map& part) {
+  for (auto node = own.nodes.end(); node != own.nodes.begin();)
+    if (const Node* there = part.nodes.find((--node)->first))
+      return compose(there->map_from_node, inverse(node->second.map_from_node));
+  return std::nullopt;
+}
+
+// Of a robot's map.
+void add_start(const Map& own, LivePreview::Part& part) {
+  const auto pose = part_from_own(own, part.map);
+  if (!pose) return;
+  for (const auto& [robot, trajectory] : exporters::robot_trajectories(own))
+    part.part_from_start[robot] = compose(*pose, trajectory.front().map_from_robot);
+}
+
 }  // namespace
 
-std::shared_ptr<const LivePreview> preview_of(const fusion::FusionResult& result, std::uint64_t number) {
+std::shared_ptr<const LivePreview> preview_of(const tiers::RoundMerger& rounds, std::uint64_t number) {
   auto preview = std::make_shared<LivePreview>();
   preview->number = number;
-  for (const fusion::Component& component : result.components) {
+  for (const fusion::Component& component : rounds.result().components) {
     LivePreview::Part& part = preview->parts.emplace_back();
     part.members = component.members;
     part.map.nodes = component.map.nodes;
     part.map.constraints = component.map.constraints;
+    for (const MapId& member : part.members)
+      if (const Map* own = rounds.map(member)) add_start(*own, part);
   }
   return preview;
 }

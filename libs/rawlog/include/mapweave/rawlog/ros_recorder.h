@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,13 +28,17 @@ struct RecordedTopic {
 std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& there, const ReadOptions& reading,
                                             bool with_cameras, const std::string& where);
 
+// Of a message as ROS serialized it, ns since 1970: the stamp of the header with which it begins. nullopt of
+// transforms, which come in any order, and of a stamp of 0.
+std::optional<std::int64_t> stamp_of_message(const std::string& type, std::string_view message);
+
 // What was written so far is never lost: it is in the file when add() returns. Thread-safe.
 class RosRecorder {
  public:
   // Begins a recording. Throws Error: kCannotWrite, also where the file is there already.
   RosRecorder(std::filesystem::path path, std::vector<RecordedTopic> topics);
-  // Goes on with one that was not finished, behind its last whole message. Throws Error: kMissing, kCannotWrite where
-  // another program writes it, kBadInput where it is finished, or was not written by this class.
+  // Goes on with one, behind its last whole message; one that is finished stays so. Throws Error: kMissing,
+  // kCannotWrite where another program writes it, kBadInput where it was not written by this class.
   explicit RosRecorder(std::filesystem::path path);
 
   const std::filesystem::path& path() const { return file_.path(); }
@@ -44,12 +49,15 @@ class RosRecorder {
   void finish();
   bool is_finished() const;
   std::uint64_t messages() const;  // of this recorder
+  // The newest stamp_of_message() in the recording; nullopt: none has one.
+  std::optional<std::int64_t> newest_ns(std::size_t topic) const;
 
  private:
   std::vector<RecordedTopic> topics_;
   mutable std::mutex mutex_;
   GrowingLog file_;
   std::uint64_t messages_ = 0;
+  std::vector<std::optional<std::int64_t>> newest_ns_;  // by topic
 };
 
 }  // namespace mapweave::rawlog

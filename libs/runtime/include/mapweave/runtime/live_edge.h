@@ -72,6 +72,9 @@ class LiveEdge {
   LiveEdgeCounts counts() const;
   // The last one; null while there is none, and where none is kept.
   std::shared_ptr<const LivePreview> preview() const;
+  // A robot's map so far, from its first scan on and whatever previews show, read a few times a second; of cameras
+  // once the robot has ended. Its nodes count. Null: it has none yet, or is not of this edge now.
+  std::shared_ptr<const Map> map_so_far(const RobotId& robot) const;
 
  private:
   struct State;

@@ -7,9 +7,14 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
+
+namespace mapweave::tiers {
+class RoundMerger;
+}
 
 namespace mapweave::runtime {
 
@@ -17,12 +22,16 @@ struct LivePreview {
   struct Part {
     std::vector<MapId> members;  // maps that are one here
     Map map;                     // its nodes and constraints alone
+    // How robots' own maps (LiveEdge::map_so_far) lie in it, by where each robot stood first there: such that its
+    // newest pose in both is where it is here.
+    std::map<RobotId, Pose3> part_from_start;
   };
   std::uint64_t number = 0;  // from 1
   std::vector<Part> parts;   // the largest first
 };
 
-std::shared_ptr<const LivePreview> preview_of(const fusion::FusionResult&, std::uint64_t number);
+// Of the last fuse().
+std::shared_ptr<const LivePreview> preview_of(const tiers::RoundMerger&, std::uint64_t number);
 
 // As the live page draws it: {number, maps: [report::live_map()]}. Of large maps not every scan is drawn, and in larger
 // cells, so that it takes a second or two and not more. robots: as report::live_page() has them.
