@@ -69,6 +69,20 @@ class ServeSharing(serve_test.WithBroker):
     def test_the_global_map_is_shared(self):
         self.assertGreater(sum(camera["shared_keyframes"]["kept"] for camera in self.share("global") if "shared_keyframes" in camera), 0)
 
+    def test_each_camera_of_a_robot_has_a_wire_of_its_own(self):
+        small = "{kind: rgbd, width: 160, height: 120, fx: 131, fy: 131, frames_per_second: 8, "
+        self.mapweave("simulate", self.write("world.yaml", "cameras:\n  - " + small + "id: front}\n  - " + small + "id: back, yaw_deg: 180, x_m: -0.15}\n"
+                                             "robots:\n  - {id: alpha, edge: north, length_m: 4}\n"), "--out", "logs")
+        talk = ["--set", "sensor=cameras", "--set", "server.share=full", "--set", f"live.broker={self.start_broker()}", "--set", f"live.speed={1.0 / support.PATIENCE}"]
+        programs = [self.start("serve", *role, "logs/run.yaml", *talk) for role in (("cloud", "--out", "live"), ("edge",), ("robot",))]
+        for process in programs:
+            self.end(process)
+        [robot] = self.read_json("live/summary.json")["robots"]
+        self.assertEqual([camera["label"] for camera in robot["cameras"]], ["back", "front"])
+        for camera in robot["cameras"]:
+            self.assertGreater(camera["sent_bytes"], 10000, camera)
+        self.assertNotIn("map server", json.dumps(self.read_json("live/summary.json")["notes"]))
+
     def test_what_is_not_done_is_said(self):
         self.mapweave("simulate", self.write("world.yaml", serve_test.WORLD), "--out", "logs")
         done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "north", "--set", "server.share=view", code=support.BAD_INPUT)
