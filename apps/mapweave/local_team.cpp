@@ -39,10 +39,15 @@ LocalTeam::LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan p
         [edge = edges_[name].get()](std::shared_ptr<transport::Channel> channel) { edge->serve(std::move(channel)); });
     for (const runtime::PlannedRobot& robot : plan_.robots)
       if (robot.edge == name) robots.add(robot.id.str(), wires_->at_edge(robot.id, name));
+    if (!runtime::shares_cameras(configuration_)) continue;
+    runtime::CameraWires& cameras = cameras_.emplace_back(*wires_, name, *edges_[name]);
+    for (const runtime::PlannedRobot& robot : plan_.robots)
+      if (robot.edge == name) cameras.add(robot.id);
   }
   for (const runtime::PlannedRobot& robot : plan_.robots)
     robots_.emplace_back(
         robot, configuration_, [this, id = robot.id](const TierId& edge) { return wires_->from_robot(id, edge)(); },
+        [this, id = robot.id](const TierId& edge, int number) { return wires_->from_camera(id, number, edge)(); },
         has_log ? std::function<bool()>([has_log, id = robot.id] { return has_log(id); }) : nullptr);
 }
 
@@ -51,6 +56,7 @@ LocalTeam::~LocalTeam() = default;
 void LocalTeam::look() {
   for (StartingRobot& robot : robots_) robot.look();
   for (runtime::ServedWires& wire : served_) wire.keep();
+  for (runtime::CameraWires& wires : cameras_) wires.keep();
 }
 
 void LocalTeam::end() {

@@ -51,6 +51,7 @@ class LocalTeam {
   std::unique_ptr<runtime::LiveCloud> cloud_;
   std::map<TierId, std::unique_ptr<runtime::LiveEdge>> edges_;
   std::vector<runtime::ServedWires> served_;
+  std::vector<runtime::CameraWires> cameras_;
   std::list<StartingRobot> robots_;
 };
 

@@ -50,11 +50,13 @@ std::optional<std::filesystem::path> journal_in(const runtime::LiveOptions& live
   return std::filesystem::path(live.store) / (name + ".mwj");
 }
 
-// What it held is in the results now.
-void remove_journal(const std::filesystem::path& journal) {
+// What they held is in the results now.
+void remove_journals(const std::filesystem::path& journal) {
   std::error_code ignored;
-  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(journal.string() + suffix, ignored);
-  std::filesystem::remove(journal.parent_path(), ignored);  // where it was the last one
+  for (const std::filesystem::path& one : {runtime::journal_of_cameras(journal), journal}) {
+    for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(one.string() + suffix, ignored);
+    std::filesystem::remove(one.parent_path(), ignored);  // where it was the last one
+  }
 }
 
 bool shows(const Deployment& deployment) { return deployment.live().page_port != 0; }
@@ -139,6 +141,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   extension.begin(deployment, name.str(), signals);
   StartingRobot robot(
       *planned, deployment.loaded.configuration, [&](const TierId& edge) { return wires.from_robot(name, edge)(); },
+      [&](const TierId& edge, int number) { return wires.from_camera(name, number, edge)(); },
       [&] { return extension.has_log(); });
   const LogEnd log_end(robot, extension);
   const TierEnd tier_end(extension);
@@ -196,7 +199,11 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
                            wires.from_edge(name));
     const TierEnd tier_end(extension);
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
-    const auto add = [&](const RobotId& robot) { robots.add(robot.str(), wires.at_edge(robot, name)); };
+    runtime::CameraWires cameras(wires, name, edge);
+    const auto add = [&](const RobotId& robot) {
+      robots.add(robot.str(), wires.at_edge(robot, name));
+      if (runtime::shares_cameras(deployment.loaded.configuration)) cameras.add(robot);
+    };
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
       if (robot.edge == name) add(robot.id);
     PlanReader plans(wires, deployment);
@@ -222,6 +229,7 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
     while (!edge.counts().is_done) {
       follow();
       robots.keep();
+      cameras.keep();
       publisher.publish();
       if (is_coordinated(deployment)) maps.publish(edge);
       service.turn(service_turn_of(edge.counts()));
@@ -233,7 +241,7 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
     publisher.publish(true);
     std::this_thread::sleep_for(1s);  // its last receipts
   }
-  remove_journal(*journal);
+  remove_journals(*journal);
   progress->say("edge " + name.str() + ": the cloud has written the team's map");
   return ExitCode::done;
 }
@@ -278,7 +286,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
     });
     publisher.publish(true);
   }
-  remove_journal(*journal);
+  remove_journals(*journal);
   return report_result(*report, arguments.flags.out, arguments.flags.json);
 }
 

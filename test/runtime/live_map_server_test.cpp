@@ -244,6 +244,20 @@ TEST(LiveMapServer, closes_the_link_that_a_client_has_left) {
   EXPECT_TRUE(after.link().is_closed());
 }
 
+TEST(LiveMapServer, takes_a_hello_twice_and_none_of_another_robot_on_a_robots_wire) {
+  LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
+  const auto link = server.connect(RobotId("gamma"));
+  const auto answer_to = [&](const SessionId& session) {
+    link->send({subject::kHello, encode(hello_of(session))});
+    const auto answers = take(*link, 10s);
+    return answers.empty() ? std::string() : answers.front().subject;
+  };
+  EXPECT_EQ(answer_to(stranger("delta")), subject::kRefusal);
+  EXPECT_EQ(answer_to(stranger("gamma")), subject::kWelcome);
+  EXPECT_EQ(answer_to(stranger("gamma")), subject::kWelcome) << "networks double";
+  EXPECT_EQ(answer_to(stranger("delta")), subject::kRefusal);
+}
+
 // The server's end of a channel that carries updates twice, as networks may.
 class Twice : public transport::Channel {
  public:

@@ -117,6 +117,40 @@ TEST(LiveStatus, knows_when_a_robot_is_done) {
   EXPECT_THAT(done["findings"], IsEmpty()) << "its edge is not needed any more";
 }
 
+TEST(LiveStatus, says_what_cameras_share_and_who_does_not_answer) {
+  LiveEdgeCounts edge = mapping_edge();
+  ClientCounts front, front_again;
+  front.session = {{RobotId("alpha"), SensorId("front")}, 7};
+  front.received_bytes = 1000;
+  front.shares = 3;
+  front_again = front;
+  front_again.session.run = 8;
+  front_again.refused = 2;
+  ServerCounts server;
+  server.clients = {front, front_again};
+  server.merges = 4;
+  server.trouble = "the maps could not be merged";
+  edge.cameras = server;
+  const Json at_edge = tier_status(TierId("north"), edge, kLongUp);
+  EXPECT_EQ(at_edge["counts"]["cameras"], 1) << "of two runs";
+  EXPECT_EQ(at_edge["counts"]["camera_received_bytes"], 2000);
+  EXPECT_EQ(at_edge["counts"]["camera_shares"], 6);
+  EXPECT_EQ(at_edge["counts"]["camera_merges"], 4);
+  EXPECT_THAT(findings(at_edge, "error"), ElementsAre(HasSubstr("could not be merged")));
+  EXPECT_THAT(findings(at_edge, "warning"), ElementsAre(HasSubstr("refused 2 messages of cameras")));
+
+  LiveRobotCounts robot;
+  EXPECT_FALSE(tier_status(RobotId("alpha"), TierId("north"), robot, kLongUp)["counts"].contains("cameras"));
+  robot.sharing = {2, 1, 500, 300, 12, 80, ""};
+  const Json alone = tier_status(RobotId("alpha"), TierId("north"), robot, kLongUp);
+  EXPECT_EQ(alone["counts"]["shared_keyframes"], 12);
+  EXPECT_EQ(alone["counts"]["borrowed_landmarks"], 80);
+  EXPECT_THAT(findings(alone, "warning"), Contains(HasSubstr("1 of its 2 cameras have no answer of edge north")));
+  robot.sharing->refusal = "its vocabulary is another one";
+  EXPECT_THAT(findings(tier_status(RobotId("alpha"), TierId("north"), robot, kLongUp), "warning"),
+              Contains(HasSubstr("refuses: its vocabulary")));
+}
+
 TEST(LiveStatus, is_healthy_without_errors_alone) {
   LiveEdgeCounts edge = mapping_edge();
   edge.robots[0].lost_scans = 1;

@@ -8,6 +8,7 @@
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/live_cloud.h>
 #include <mapweave/runtime/sensor_choice.h>
+#include <mapweave/transport/in_process_channel.h>
 #include <support/bad_channel.h>
 
 #include <gtest/gtest.h>
@@ -102,11 +103,22 @@ struct LiveTeam : testing::Test {
   }
   void start_robot(const PlannedRobot& robot) {
     robots.push_back(std::make_unique<LiveRobot>(
-        robot, configuration, options, [this](const TierId& edge) -> std::shared_ptr<transport::Channel> {
+        robot, configuration, options,
+        [this](const TierId& edge) -> std::shared_ptr<transport::Channel> {
           const std::lock_guard lock(mutex);
           const auto found = edges.find(edge.str());
           return found != edges.end() && found->second ? worse(found->second->connect()) : nullptr;
-        }));
+        },
+        [this, id = robot.id](const TierId& edge, int) { return connect_camera(id, edge); }));
+  }
+  // Both ends suffer alike.
+  std::shared_ptr<transport::Channel> connect_camera(const RobotId& robot, const TierId& edge) {
+    const std::lock_guard lock(mutex);
+    const auto found = edges.find(edge.str());
+    if (found == edges.end() || !found->second) return nullptr;
+    const auto channel = transport::make_in_process_channel({std::size_t{4} << 20, 4096});
+    found->second->serve_camera(robot, worse(channel.second));
+    return worse(channel.first);
   }
   void start_robots() {
     for (const PlannedRobot& robot : plan.robots) start_robot(robot);

@@ -357,6 +357,15 @@ TEST_F(LiveTeam, leaves_out_what_an_edge_sends_that_cannot_be_read) {
   EXPECT_FALSE(result_of_nothing.robots.front().mapped);
 }
 
+std::string refusal_of(const RunConfiguration& configuration, const RunPlan& plan) {
+  try {
+    expect_live(configuration, plan);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
 TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
   EXPECT_NO_THROW(expect_live(configuration, plan));
   EXPECT_THROW(LiveEdge(TierId("west"), site(""), [] { return nullptr; }), Error);
@@ -367,7 +376,14 @@ TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
   EXPECT_THROW(expect_live(on_board, plan), Error);
   RunConfiguration sharing = configuration;
   sharing.server.share = tiers::Sharing::view;
-  EXPECT_THROW(expect_live(sharing, plan), Error);
+  EXPECT_THAT(refusal_of(sharing, plan), testing::HasSubstr("server.across_edges"));
+  sharing.server.across_edges = false;
+  EXPECT_EQ(refusal_of(sharing, plan), "");
+  sharing.coordinator.method = Coordination::standard;
+  EXPECT_THAT(refusal_of(sharing, plan), testing::HasSubstr("a coordinator may move their robots"));
+  sharing.coordinator.method = Coordination::none;
+  sharing.robots.front().own.push_back({"rig.longest_gap_s", "0.4", false, "here"});
+  EXPECT_THAT(refusal_of(sharing, make_plan(sharing, {})), testing::HasSubstr("different options of rig"));
   RunConfiguration moved = configuration;
   moved.robots.front().log = "elsewhere.rawlog";
   moved.output.png = false;

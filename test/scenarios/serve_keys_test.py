@@ -163,6 +163,36 @@ class ServeKeys(serve_test.WithBroker):
         for subject in ("mw.edge_south_up.0.beta", "mw.plan.coordinator", "mw.status.coordinator", "mw.status.maps-north", "$JS.API.STREAM.CREATE.plan", "$JS.API.STREAM.MSG.GET.status"):
             self.assertIn("Permissions Violation for Publish", alpha.answer(f"PUB {subject} 1\r\nx"), subject)
 
+    def test_cameras_with_keys_share_on_wires_of_their_own_robot_alone(self):
+        self.mapweave("simulate", self.write("world.yaml", serve_test.CAMERA_WORLD), "--out", "logs")
+        run = self.folder / "logs/run.yaml"
+        run.write_text(run.read_text() + "\nsensor: cameras\nserver: {share: view}\n")
+        port = serve_test.free_port()
+        self.make_keys(port)
+        self.start_guarded_broker(port)
+        talk = ["--set", f"live.broker=nats://127.0.0.1:{port}"]
+        start = lambda role, user, *rest: self.start("serve", role, "logs/run.yaml", *rest, *talk, "--set", f"live.keys=keys/{user}.keys")
+        cloud = start("cloud", "cloud", "--out", "live")
+        edge = start("edge", "edge-north")
+        robots = [start("robot", f"robot-{name}", "--name", name) for name in ("alpha", "beta")]
+        self.assertIn(cloud.wait(120 * support.PATIENCE), (support.DONE, support.APART))
+        for process in (*robots, edge):
+            self.end(process)
+        for robot in self.read_json("live/summary.json")["robots"]:
+            self.assertGreater(robot["cameras"][0]["sent_bytes"], 1000, "its map server bade welcome")
+
+        def may_publish(user, *subjects):
+            stranger = Broker(port, self.read_json(f"keys/{user}.keys"))
+            with stranger.socket:
+                return ["Violation" not in stranger.answer(f"PUB {subject} 1\r\nx") for subject in subjects]
+
+        own = [f"mw.cameras_north_up.{number}.alpha=2e{camera}" for number in (0, 1) for camera in (0, 7)]
+        self.assertEqual(may_publish("robot-alpha", *own), [True] * 4)
+        self.assertEqual(may_publish("robot-beta", *own), [False] * 4)
+        self.assertEqual(may_publish("robot-alpha", "mw.cameras_north_down.0.alpha=2e0", "$JS.API.STREAM.CREATE.cameras_north_up_0", "$JS.API.STREAM.DELETE.cameras_north_up_1",
+                                     "$JS.API.CONSUMER.MSG.NEXT.cameras_north_down_1.beta=2e0", "$JS.API.CONSUMER.MSG.NEXT.cameras_north_up_1.alpha=2e0"), [False] * 5)
+        self.assertEqual(may_publish("edge-north", "mw.cameras_north_down.1.alpha=2e0", "mw.cameras_north_up.1.alpha=2e0"), [True, False])
+
     def test_keys_stay_where_robots_are_added_and_what_is_wrong_is_said(self):
         self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
         self.make_keys(4222)

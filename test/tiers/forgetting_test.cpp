@@ -81,6 +81,40 @@ TEST(Forgetting, server_keeps_what_a_lone_client_has_no_room_for_and_shares_it_a
   EXPECT_EQ(encode(difference(Map{}, whole)), encode(decode_map_update(encode(difference(Map{}, whole)), "test")));
 }
 
+TEST(Forgetting, what_a_server_keeps_goes_over_a_wire_in_parts) {
+  constexpr std::size_t kMost = std::size_t{48} << 10;
+  const auto team = lone_robot(sharing(Sharing::view), kRoom);
+  team->run();
+  const FeatureTeam::Robot& robot = team->robots.front();
+  const auto placed = robot.client->forgotten_keyframes(robot.place);
+  const std::vector<KeptMap> kept = team->server.kept_to_read(session_of(*team))();
+  ASSERT_EQ(kept.size(), 1U);
+  const std::vector<std::string> parts = encoded_in_parts(kept.front(), kMost);
+  EXPECT_GT(parts.size(), 3U);
+  KeptParts here(session_of(*team), placed);
+  const std::vector<Receipt> all{{{{}, kept.front().map.id}, parts.size()}};
+  EXPECT_TRUE(here.is_whole({}));
+  here.add(parts.back(), "test");  // before it is due
+  for (const std::string& part : parts) {
+    EXPECT_LE(part.size(), kMost);
+    EXPECT_FALSE(here.is_whole(all));
+    here.add(part, "test");
+    here.add(parts.front(), "test");  // again
+  }
+  EXPECT_TRUE(here.is_whole(all));
+  EXPECT_EQ(here.receipts().front().stored, parts.size());
+  Map own = robot.client->maps(robot.place).front();
+  EXPECT_GT(add_forgotten(own, here.take(), placed), 20U);
+  EXPECT_EQ(encode(difference(Map{}, own)), encode(difference(Map{}, whole_map(*team))));
+
+  const SessionId stranger{{RobotId("beta"), SensorId("front")}, 6};
+  EXPECT_THROW(KeptParts(stranger, placed).add(parts.front(), "test"), Error);
+  EXPECT_THROW(here.add("no part", "test"), Error);
+  KeptParts forgot_nothing(session_of(*team), {});
+  for (const std::string& part : parts) forgot_nothing.add(part, "test");
+  for (const KeptMap& none : forgot_nothing.take()) EXPECT_TRUE(none.map.empty()) << "it asked for nothing";
+}
+
 TEST(Forgetting, client_with_room_says_what_it_said_before) {
   const auto team = lone_robot(sharing(Sharing::view), 500);
   std::size_t forgotten = 0;

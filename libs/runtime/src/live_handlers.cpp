@@ -1,15 +1,19 @@
 #include "live_server_state.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/tiers/kept_map.h>
 #include <mapweave/tiers/subjects.h>
 
+#include <algorithm>
+#include <functional>
 #include <future>
 
 namespace mapweave::runtime {
 namespace {
 
-constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
-constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
+constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;   // bytes; updates wait in their queues then
+constexpr std::size_t kMostKeptPart = std::size_t{48} << 10;  // bytes
+constexpr std::chrono::milliseconds kUntilAsked{100};         // again, whether something is saved
 
 namespace subject = tiers::subject;
 
@@ -18,7 +22,7 @@ void post(ClientWire& wire, transport::Envelope answer, ClientCounts& more) {
   wire.channel->send(std::move(answer));
 }
 
-void refuse(ClientWire& wire, const Error& why, ClientCounts& more) {
+void send_refusal(ClientWire& wire, const Error& why, ClientCounts& more) {
   post(wire, {subject::kRefusal, encode(Refusal{why}), {}, 0, true}, more);
 }
 
@@ -71,16 +75,18 @@ void LiveMapServer::State::handle(const std::shared_ptr<Wire>& wire, const Wire:
       answer_view(*wire, bytes, more);
     else if (subject == subject::kPlaceRequest)
       answer_place_request(*wire, taken, more);
+    else if (subject == subject::kKeptRequest)
+      answer_kept_request(*wire, bytes, more);
     else
       throw Error(ErrorCode::kBadInput, "a client sends no '" + subject + "'", to_string(more.session));
   } catch (const Interrupted& interrupted) {
-    refuse(*wire, Error(ErrorCode::kInternal, interrupted.message()), more);
+    send_refusal(*wire, Error(ErrorCode::kInternal, interrupted.message()), more);
   } catch (const Error& error) {
     ++more.refused;
-    refuse(*wire, error, more);
+    send_refusal(*wire, error, more);
   } catch (const std::exception& error) {
     ++more.refused;
-    refuse(*wire, Error(ErrorCode::kInternal, error.what()), more);
+    send_refusal(*wire, Error(ErrorCode::kInternal, error.what()), more);
   }
   wire->channel->acknowledge(taken.delivery.number);
 }
@@ -115,9 +121,38 @@ void LiveMapServer::State::answer_place_request(Wire& wire, const Wire::Waiting&
   more.longest_place_s = seconds_since(taken.since);
 }
 
+// A client that has ended asks again and again, until it has all.
+void LiveMapServer::State::answer_kept_request(Wire& wire, const std::string& bytes, ClientCounts& more) {
+  const std::vector<Receipt> came = decode_receipts(bytes, to_string(more.session));
+  if (!wire.kept) {
+    std::function<std::vector<tiers::KeptMap>()> read;
+    {
+      const Hold hold(*this);
+      read = maps.kept_to_read(more.session);
+    }
+    std::vector<Wire::Kept> kept;
+    for (const tiers::KeptMap& one : read()) kept.push_back({one.map.id, tiers::encoded_in_parts(one, kMostKeptPart)});
+    wire.kept = std::move(kept);
+  }
+  std::vector<Receipt> all;
+  for (const Wire::Kept& kept : *wire.kept) {
+    all.push_back({{{}, kept.map}, kept.parts.size()});
+    const auto known =
+        std::find_if(came.begin(), came.end(), [&](const Receipt& receipt) { return receipt.origin.map == kept.map; });
+    for (std::size_t i = known != came.end() ? known->stored : 0; i < kept.parts.size(); ++i) {
+      if (wire.channel->in_flight_bytes() >= most_answer_bytes()) break;
+      post(wire, {subject::kKept, kept.parts[i]}, more);
+    }
+  }
+  post(wire, {subject::kKeptEnd, encode(all)}, more);
+}
+
 void LiveMapServer::State::greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes) {
   const Hello hello = decode_hello(bytes, "a client's hello");
-  if (before != SessionId{})
+  if (wire->robot && hello.session.client.robot != *wire->robot)
+    throw Error(ErrorCode::kBadInput, "this wire is of robot '" + wire->robot->str() + "'", to_string(hello.session),
+                "each robot speaks for its own cameras");
+  if (before != SessionId{} && before != hello.session)
     throw Error(ErrorCode::kBadInput, "it has said hello as " + to_string(before) + " before", to_string(hello.session),
                 "each run of a client has a channel of its own, and one hello on it");
   const Hold hold(*this);

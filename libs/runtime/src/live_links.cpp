@@ -57,15 +57,16 @@ void LiveMapServer::State::take_what_came(const std::shared_ptr<Wire>& wire) {
   prune();
 }
 
-std::shared_ptr<transport::Channel> LiveMapServer::connect() {
+std::shared_ptr<transport::Channel> LiveMapServer::connect(const std::optional<RobotId>& robot) {
   const std::size_t most = static_cast<std::size_t>(state_->options.queue_kb);
   const auto channel = transport::make_in_process_channel({most << 10, most});
-  serve(channel.second);
+  serve(channel.second, robot);
   return channel.first;
 }
 
-void LiveMapServer::serve(std::shared_ptr<transport::Channel> client) {
+void LiveMapServer::serve(std::shared_ptr<transport::Channel> client, const std::optional<RobotId>& robot) {
   const auto wire = std::make_shared<ClientWire>();
+  wire->robot = robot;
   wire->channel = std::move(client);
   {
     const std::lock_guard lock(state_->mutex);

@@ -92,6 +92,11 @@ LiveMapServer::~LiveMapServer() { state_->finish(); }
 
 void LiveMapServer::veto(const Hash& judgement) { state_->veto(judgement); }
 
+void LiveMapServer::refuse(std::set<std::pair<RobotId, RobotId>> robots) {
+  const State::Hold hold(*state_);
+  state_->maps.refuse(std::move(robots));
+}
+
 std::optional<tiers::RobotInTeam> LiveMapServer::robot(const RobotId& robot) const {
   const State::Hold hold(*state_);
   return state_->maps.robot(robot);

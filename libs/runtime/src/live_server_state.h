@@ -73,6 +73,7 @@ struct LiveMapServer::State {
   void handle(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more);
   void answer_view(Wire& wire, const std::string& bytes, ClientCounts& more);
   void answer_place_request(Wire& wire, const Wire::Waiting& taken, ClientCounts& more);
+  void answer_kept_request(Wire& wire, const std::string& bytes, ClientCounts& more);
   std::size_t most_answer_bytes() const { return static_cast<std::size_t>(options.answers_kb) << 10; }
   void greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes);
   void update(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more);

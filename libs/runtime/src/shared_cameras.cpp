@@ -4,7 +4,6 @@
 #include "team_options.h"
 
 #include <mapweave/core/log.h>
-#include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
 
 #include <algorithm>
@@ -77,20 +76,7 @@ class Link {
   }
 
  private:
-  void count() {
-    if (agent_.sent_bytes() != report_->sent_bytes || agent_.received_bytes() != report_->received_bytes) {
-      auto& traffic = report_->traffic;
-      if (traffic.empty() || traffic.back().second != second_) traffic.push_back({second_, 0, 0});
-      traffic.back().sent_bytes += agent_.sent_bytes() - report_->sent_bytes;
-      traffic.back().received_bytes += agent_.received_bytes() - report_->received_bytes;
-    }
-    report_->sent_bytes = agent_.sent_bytes();
-    report_->received_bytes = agent_.received_bytes();
-    report_->shared_keyframes = std::max(report_->shared_keyframes, std::uint64_t{client_->shared_keyframes().size()});
-    report_->dropped_shared = client_->dropped_shared();
-    report_->found_by_shared = client_->found_by_shared();
-    report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
-  }
+  void count() { count_sharing(*client_, agent_, second_, *report_); }
 
   visual::VisualClient* client_;
   CameraReport* report_;
@@ -192,6 +178,22 @@ void finish(Edge& edge, std::map<RobotId, CamerasOutcome>& outcomes, WorkerPool&
 }
 
 }  // namespace
+
+void count_sharing(const visual::VisualClient& client, const tiers::CameraAgent& agent, std::uint64_t second,
+                   CameraReport& report) {
+  if (agent.sent_bytes() != report.sent_bytes || agent.received_bytes() != report.received_bytes) {
+    auto& traffic = report.traffic;
+    if (traffic.empty() || traffic.back().second != second) traffic.push_back({second, 0, 0});
+    traffic.back().sent_bytes += agent.sent_bytes() - report.sent_bytes;
+    traffic.back().received_bytes += agent.received_bytes() - report.received_bytes;
+  }
+  report.sent_bytes = agent.sent_bytes();
+  report.received_bytes = agent.received_bytes();
+  report.shared_keyframes = std::max(report.shared_keyframes, std::uint64_t{client.shared_keyframes().size()});
+  report.dropped_shared = client.dropped_shared();
+  report.found_by_shared = client.found_by_shared();
+  report.borrowed = std::max(report.borrowed, std::uint64_t{client.borrowed_seen()});
+}
 
 std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& configuration, const RunPlan& plan,
                                                      const std::vector<Map>& starts, bool keep_going, WorkerPool& pool,

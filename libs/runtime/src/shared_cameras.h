@@ -4,7 +4,9 @@
 // the others, through the cloud; it is there at the next moment.
 
 #include <mapweave/runtime/camera_task.h>
+#include <mapweave/tiers/camera_agent.h>
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -17,6 +19,9 @@ namespace mapweave::runtime {
 std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&,
                                                      const std::vector<Map>& starts, bool keep_going, WorkerPool&,
                                                      Progress&);
+
+// What a camera has sent, received and seen of others so far. second: of data, since the first exchange.
+void count_sharing(const visual::VisualClient&, const tiers::CameraAgent&, std::uint64_t second, CameraReport&);
 
 // What somebody who asked for sharing should know: that there is nobody to share with, or that cameras of different
 // edges share nothing (server.across_edges). shares_alone: a camera alone is given something too, of what it forgot or

@@ -10,11 +10,23 @@ namespace {
 
 using Robots = std::vector<const PlannedRobot*>;
 
-Robots with_cameras(const RunPlan& plan, const TierId& edge) {
+template <class Predicate>
+Robots robots_of(const RunPlan& plan, const TierId& edge, Predicate&& counts) {
   Robots robots;
   for (const PlannedRobot& robot : plan.robots)
-    if (robot.edge == edge && !robot.sensors.cameras.empty()) robots.push_back(&robot);
+    if (robot.edge == edge && counts(robot)) robots.push_back(&robot);
   return robots;
+}
+
+Robots with_cameras(const RunPlan& plan, const TierId& edge) {
+  return robots_of(plan, edge, [](const PlannedRobot& robot) { return !robot.sensors.cameras.empty(); });
+}
+
+// Those whose log nobody has looked into, too.
+Robots perhaps_with_cameras(const RunPlan& plan, const TierId& edge) {
+  return robots_of(plan, edge, [](const PlannedRobot& robot) {
+    return !robot.sensors.cameras.empty() || (robot.sensors.scans == nullptr && !robot.trouble);
+  });
 }
 
 // As the map server uses them: each robot's own trajectory is averaged without it.
@@ -99,9 +111,15 @@ std::optional<std::string> note_on_senses(const RunPlan& plan) {
          "or one of them with both (sensor: all)";
 }
 
+void expect_one_rig(const RunConfiguration& configuration, const RunPlan& plan) {
+  for (const TierId& edge : plan.edges)
+    if (const Robots robots = perhaps_with_cameras(plan, edge); !robots.empty())
+      expect_one_rig(configuration, robots, edge.str());
+}
+
 const rig::RigOptions& shared_rig_options(const RunConfiguration& configuration, const RunPlan& plan,
                                           const TierId& edge) {
-  const Robots robots = with_cameras(plan, edge);
+  const Robots robots = perhaps_with_cameras(plan, edge);
   return robots.empty() ? configuration.rig : configuration_of(configuration, *robots.front()).rig;
 }
 

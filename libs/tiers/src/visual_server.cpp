@@ -306,20 +306,32 @@ std::vector<Map> VisualServer::maps() const {
   return result;
 }
 
-std::vector<KeptMap> VisualServer::kept_for(const SessionId& session) const {
-  std::vector<KeptMap> result;
-  for (const auto& [client_map, part] : state_->client(session).parts) {
-    if (part.inbox.forgotten_nodes().empty() && part.shelved.empty()) continue;
-    const State::Whole whole = state_->whole(part);
-    KeptMap& kept =
-        result.emplace_back(KeptMap{whole.map(), part.inbox.forgotten_nodes(), part.inbox.forgotten_landmarks()});
-    kept.map.id = client_map;
-    for (const auto& [id, pose] : whole.poses)
-      if (kept.map.nodes.contains(id)) kept.forgotten_nodes.insert(id);
-    for (const auto& [id, landmark] : kept.map.landmarks)
-      if (whole.poses.count(landmark.anchor) != 0) kept.forgotten_landmarks.insert(id);
-  }
-  return result;
+std::vector<KeptMap> VisualServer::kept_for(const SessionId& session) const { return kept_to_read(session)(); }
+
+std::function<std::vector<KeptMap>()> VisualServer::kept_to_read(const SessionId& session) const {
+  struct Part {
+    MapId client_map;
+    State::Whole whole;
+    std::set<NodeId> forgotten_nodes;
+    std::set<LandmarkId> forgotten_landmarks;
+  };
+  std::vector<Part> parts;
+  for (const auto& [client_map, part] : state_->client(session).parts)
+    if (!part.inbox.forgotten_nodes().empty() || !part.shelved.empty())
+      parts.push_back(
+          {client_map, state_->whole(part), part.inbox.forgotten_nodes(), part.inbox.forgotten_landmarks()});
+  return [parts = std::move(parts)] {
+    std::vector<KeptMap> result;
+    for (const Part& part : parts) {
+      KeptMap& kept = result.emplace_back(KeptMap{part.whole.map(), part.forgotten_nodes, part.forgotten_landmarks});
+      kept.map.id = part.client_map;
+      for (const auto& [id, pose] : part.whole.poses)
+        if (kept.map.nodes.contains(id)) kept.forgotten_nodes.insert(id);
+      for (const auto& [id, landmark] : kept.map.landmarks)
+        if (part.whole.poses.count(landmark.anchor) != 0) kept.forgotten_landmarks.insert(id);
+    }
+    return result;
+  };
 }
 
 const fusion::FusionResult& VisualServer::merged() const {

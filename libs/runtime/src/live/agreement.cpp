@@ -1,6 +1,10 @@
+#include "../team_options.h"
+
 #include <mapweave/core/options.h>
 #include <mapweave/runtime/live_robot.h>
 #include <mapweave/runtime/manifest.h>
+
+#include <set>
 
 namespace mapweave::runtime {
 
@@ -21,9 +25,18 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
   if (configuration.mode != Mode::offload && configuration.mode != Mode::onboard)
     refuse("robots, edges and a cloud that are programs of their own need edges that merge", "mode",
            "set mode: offload, or onboard where robots map themselves");
-  if (configuration.server.share != tiers::Sharing::none)
-    refuse("cameras of robots that are programs of their own share nothing while they drive yet", "server.share",
-           "set share: none");
+  if (shares_cameras(configuration)) {
+    if (configuration.coordinator.method != Coordination::none)
+      refuse("cameras that share while they drive stay at their edge, and a coordinator may move their robots",
+             "server.share", "set share: none, or coordinator.method: none");
+    std::set<TierId> edges;
+    for (const PlannedRobot& robot : plan.robots) edges.insert(robot.edge);
+    if (configuration.server.across_edges && edges.size() > 1)
+      refuse("cameras of robots that are programs of their own share within their edge alone, and these have " +
+                 std::to_string(edges.size()) + " edges",
+             "server.across_edges", "set across_edges: false, or give all robots one edge");
+    expect_one_rig(configuration, plan);
+  }
   if (configuration.coordinator.method != Coordination::none)
     for (const EdgeEntry& edge : configuration.edges)
       if (!edge.broker.empty())

@@ -1,5 +1,7 @@
 #include "live_edge_state.h"
 
+#include "../team_options.h"
+
 #include <mapweave/core/log.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/tiers/subjects.h>
@@ -13,6 +15,25 @@ namespace {
 constexpr std::chrono::milliseconds kStep{20};
 constexpr std::size_t kMostLinks = 1000;
 constexpr char kEdge[] = "edge";
+
+std::unique_ptr<LiveMapServer> map_server_of(const TierId& edge, const LiveSite& site) {
+  const RunConfiguration& configuration = site.configuration;
+  if (!shares_cameras(configuration)) return nullptr;
+  std::optional<std::filesystem::path> journal;
+  if (site.journal) {
+    journal = journal_of_cameras(*site.journal);
+    std::error_code error;
+    std::filesystem::create_directories(journal->parent_path(), error);
+    if (error)
+      throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(),
+                  journal->parent_path().string(), "name another folder in live.store");
+  }
+  auto server =
+      std::make_unique<LiveMapServer>(edge, configuration.server, configuration.fusion, site.options.map_server,
+                                      journal, shared_rig_options(configuration, site.plan, edge));
+  server->refuse(site.plan.refused);
+  return server;
+}
 
 std::int64_t now_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
@@ -41,6 +62,7 @@ LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
     throw Error(ErrorCode::kBadInput, "no robot has the edge '" + edge.str() + "'", {},
                 "the edges of this configuration are: " + names);
   if (site.journal) journal.emplace(*site.journal);
+  cameras = map_server_of(edge, site);
   for (auto& [name, robot] : robots) robot.record.robot = name;
   cloud.emplace(SessionId{{RobotId(edge.str()), SensorId(kEdge)}, began}, agreement, "the cloud", site.options.wire,
                 WireHooks{[](const Hello&) { return std::uint64_t{0}; },
@@ -280,7 +302,34 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
   link.wire->use(std::move(robot));
 }
 
+std::shared_ptr<transport::Channel> LiveEdge::connect_camera(const RobotId& robot) {
+  return state_->cameras ? state_->cameras->connect(robot) : nullptr;
+}
+
+void LiveEdge::serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera) {
+  if (!state_->cameras) return camera->close();
+  try {
+    state_->cameras->serve(camera, robot);
+  } catch (const Error& error) {
+    log(LogLevel::warning, "edge " + state_->edge.str() + ": " + error.what());
+    camera->close();
+  }
+}
+
+std::size_t LiveEdge::cameras_of(const RobotId& robot) const {
+  std::set<ClientId> cameras;
+  if (state_->cameras)
+    for (const ClientCounts& client : state_->cameras->counts().clients)
+      if (client.session.client.robot == robot) cameras.insert(client.session.client);
+  return cameras.size();
+}
+
+std::filesystem::path journal_of_cameras(const std::filesystem::path& journal) {
+  return journal.parent_path() / "cameras" / journal.filename();
+}
+
 bool LiveEdge::follow(const LiveRequests& requests) {
+  if (state_->cameras) state_->cameras->refuse(refused_in(state_->site.plan, requests));
   const std::lock_guard lock(state_->mutex);
   if (state_->counts.is_fused) return false;
   state_->asked_for = requests;
@@ -311,8 +360,11 @@ std::shared_ptr<const Map> LiveEdge::map_so_far(const RobotId& robot) const {
 
 LiveEdgeCounts LiveEdge::counts() const {
   const State& state = *state_;
+  std::optional<ServerCounts> cameras;
+  if (state.cameras) cameras = state.cameras->counts();
   const std::lock_guard lock(state.mutex);
   LiveEdgeCounts counts = state.counts;
+  counts.cameras = std::move(cameras);
   counts.plan = state.plan.number;
   counts.bytes_per_s = state.cloud->bytes_per_s();
   counts.waiting_bytes = state.cloud->waiting_bytes();

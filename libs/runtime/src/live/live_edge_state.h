@@ -79,6 +79,7 @@ struct LiveEdge::State {
   std::vector<std::pair<Robot*, std::uint64_t>> newly_stored;
   std::optional<mapdb::UpdateJournal> journal;
   std::optional<JournalSaver> saver;
+  std::unique_ptr<LiveMapServer> cameras;  // where they share; thread-safe
 
   // Of the merging thread.
   std::map<RobotId, std::shared_ptr<const Map>> parts;  // maps so far, of members

@@ -50,6 +50,18 @@ constexpr Metric kOfTier[] = {
     {"mapping_seconds", "Wall time in which scans were mapped, of all robots.", true},
     {"decisions", "Decisions of the coordinator.", true},
     {"expected_seconds", "Until the team's map would be there, as the coordinator expects.", false},
+    {"cameras", "Cameras that share while they drive: of a robot; that have come to an edge's map server.", false},
+    {"cameras_on_wire", "Cameras to which the map server answers.", false},
+    {"camera_sent_bytes", "Bytes that cameras, or the map server, have sent each other.", true},
+    {"camera_received_bytes", "Bytes that cameras, or the map server, have received of each other.", true},
+    {"shared_keyframes", "Keyframes of others that a robot's cameras kept, at most.", false},
+    {"borrowed_landmarks", "Landmarks of others that a robot's cameras saw at a time, at most.", false},
+    {"camera_updates", "Updates of cameras' maps that came.", true},
+    {"camera_views", "How often cameras said where they are.", true},
+    {"camera_shares", "How often something was shared with a camera.", true},
+    {"camera_places", "How often lost cameras asked where they are.", true},
+    {"camera_refused", "Messages of cameras that were refused.", true},
+    {"camera_merges", "Merges of the cameras' maps.", true},
     {"plan", "Number of the coordinator's plan that is followed, or of the coordinator its own.", false}};
 
 constexpr Metric kOfLink[] = {

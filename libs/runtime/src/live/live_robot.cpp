@@ -1,5 +1,6 @@
 #include "numbered_wire.h"
 #include "on_board.h"
+#include "sharing_cameras.h"
 
 #include "../unit_notes.h"
 
@@ -60,10 +61,12 @@ struct LiveRobot::State {
   LiveRobotCounts counts;
   bool begins_again = false, ends = false;
   std::atomic<bool> gives_up{false};
-  std::vector<Sensed> mapped;  // of the reader: what it mapped on board, to be said
+  std::vector<Sensed> mapped;             // of the reader: what it mapped on board, to be said
+  std::optional<SharingCameras> sharing;  // where its cameras share while they drive
   std::thread reader, speaker;
 
-  State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, ConnectToEdge to_edge)
+  State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, ConnectToEdge to_edge,
+        const ConnectCamera& to_map_server)
       : robot(planned),
         configuration(configuration_of(all, planned)),
         options(live),
@@ -71,7 +74,11 @@ struct LiveRobot::State {
         sensor(sensor_of(planned)),
         is_coordinated(all.coordinator.method != Coordination::none),
         edge(planned.edge),
-        agreement(agreement_of(all)) {}
+        agreement(agreement_of(all)) {
+    if (!shares_cameras(configuration) || planned.sensors.cameras.empty() || !to_map_server) return;
+    sharing.emplace(planned.id, configuration, live,
+                    [to_map_server, to = edge](int number) { return to_map_server(to, number); });
+  }
   const Hash agreement;
 
   void read();
@@ -270,7 +277,9 @@ bool LiveRobot::State::map_on_board() {
   try {
     for (auto next = mapping.next(); next && wait_until_due(*next, anchor); next = mapping.next()) {
       begin(anchor->first);
-      mapping.advance({next->ns + kMoment_ns}, gives_up);
+      const Stamp moment{next->ns + kMoment_ns};
+      mapping.advance(moment, gives_up);
+      if (sharing) sharing->exchange(mapping.cameras(), moment);
       const std::lock_guard lock(mutex);
       counts.scans = counts.records = mapping.seen();
       counts.recorded_s = seconds_between(anchor->first, *next);
@@ -281,12 +290,14 @@ bool LiveRobot::State::map_on_board() {
   }
   if (gives_up) return false;
   begin({});  // where nothing came
+  if (sharing) sharing->finish(mapping.cameras(), gives_up);
+  if (gives_up) return false;
   bool is_asked_to_end = false;
   {
     const std::lock_guard lock(mutex);
     is_asked_to_end = ends;
   }
-  mapped = mapping.finish(is_asked_to_end);
+  mapped = mapping.finish(is_asked_to_end, sharing ? sharing->notes() : std::vector<std::string>{});
   const std::lock_guard lock(mutex);
   begins_again = false;  // it has said nothing yet
   return true;
@@ -314,6 +325,11 @@ void LiveRobot::State::speak() {
   std::unique_lock lock(mutex);
   Clock::time_point said = Clock::now();
   while (!gives_up) {
+    if (sharing) {
+      lock.unlock();
+      sharing->keep_wires();
+      lock.lock();
+    }
     if (wire && !edge.empty() && !wire->is_open()) {
       const TierId to = edge;
       lock.unlock();
@@ -341,8 +357,8 @@ void LiveRobot::State::speak() {
 }
 
 LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-                     ConnectToEdge to_edge)
-    : state_(new State(robot, configuration, options, std::move(to_edge))) {
+                     ConnectToEdge to_edge, ConnectCamera to_map_server)
+    : state_(new State(robot, configuration, options, std::move(to_edge), to_map_server)) {
   if (!robot.trouble && robot.sensors.scans == nullptr && robot.sensors.cameras.empty())
     throw Error(ErrorCode::kBadInput, "robot '" + robot.id.str() + "' maps with nothing", robot.log.string(),
                 "set sensor: to what its log holds");
@@ -386,6 +402,7 @@ LiveRobotCounts LiveRobot::counts() const {
   counts.is_on_board = maps_on_board(state_->robot, state_->configuration);
   counts.edge = state_->edge;
   counts.is_released = state_->is_released || !state_->is_coordinated;
+  if (state_->sharing) counts.sharing = state_->sharing->counts();
   if (!state_->wire) return counts;
   counts.confirmed = state_->wire->confirmed();
   counts.waiting_bytes = state_->wire->waiting_bytes();

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <optional>
+#include <set>
 
 namespace mapweave::runtime {
 namespace {
@@ -92,6 +93,50 @@ void find_refused(Json& tier, std::uint64_t refused, std::uint64_t unreadable) {
          "give all programs the same version; its messages name the first one");
 }
 
+// Of a map server, and what is wrong with it.
+void add_cameras(Json& tier, const ServerCounts& server) {
+  ClientCounts all;
+  std::set<ClientId> cameras;
+  for (const ClientCounts& client : server.clients) {
+    add(all, client);
+    if (client.session != SessionId{}) cameras.insert(client.session.client);
+  }
+  Json& counts = tier["counts"];
+  counts["cameras"] = cameras.size();
+  counts["camera_received_bytes"] = all.received_bytes;
+  counts["camera_sent_bytes"] = all.sent_bytes;
+  counts["camera_updates"] = all.updates;
+  counts["camera_views"] = all.views;
+  counts["camera_shares"] = all.shares;
+  counts["camera_places"] = all.places;
+  counts["camera_refused"] = all.refused;
+  counts["camera_merges"] = server.merges;
+  if (!server.trouble.empty())
+    find(tier, "error", "its map server: " + server.trouble, "it tries again; cameras map on without it meanwhile");
+  for (const std::string& note : server.notes) find(tier, "warning", note, "the final map is made without it");
+  if (all.refused > 0)
+    find(tier, "warning", "its map server refused " + std::to_string(all.refused) + " messages of cameras",
+         "the robots' messages say why: another vocabulary (visual.vocabulary), another robot's camera, or too many");
+}
+
+void add_sharing(Json& tier, const LiveRobotCounts::Sharing& sharing, const std::string& edge, bool is_driving) {
+  Json& counts = tier["counts"];
+  counts["cameras"] = sharing.cameras;
+  counts["cameras_on_wire"] = sharing.on_wire;
+  counts["camera_sent_bytes"] = sharing.sent_bytes;
+  counts["camera_received_bytes"] = sharing.received_bytes;
+  counts["shared_keyframes"] = sharing.shared_keyframes;
+  counts["borrowed_landmarks"] = sharing.borrowed;
+  if (!sharing.refusal.empty())
+    find(tier, "warning", "the map server of edge " + edge + " refuses: " + sharing.refusal,
+         "the message says what is wrong; the camera maps alone");
+  else if (is_driving && sharing.on_wire < sharing.cameras)
+    find(tier, "warning",
+         std::to_string(sharing.cameras - sharing.on_wire) + " of its " + std::to_string(sharing.cameras) +
+             " cameras have no answer of edge " + edge + "'s map server",
+         "they map alone, and share again once it answers");
+}
+
 void find_trouble(Json& tier, const std::string& trouble) {
   if (!trouble.empty()) find(tier, "error", trouble, "start it again once the cause is gone: it goes on where it was");
 }
@@ -149,6 +194,7 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
   status["links"].push_back(link("cloud", "cloud", counts.is_cloud_on_wire, !counts.is_done, counts.cloud_silent_s,
                                  measured(counts.bytes_per_s)));
   find_trouble(status, counts.trouble);
+  if (counts.cameras) add_cameras(status, *counts.cameras);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
@@ -181,6 +227,7 @@ Json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCo
   if (!counts.refusal.empty())
     find(status, "error", "edge " + its_edge.str() + " refuses: " + counts.refusal,
          "the message says what is wrong; the robot asks again and again");
+  if (counts.sharing) add_sharing(status, *counts.sharing, its_edge.str(), !counts.is_read);
   find_missing(status, terms);
   if (counts.lost_scans > 0)
     find(status, "warning", "there was no room for " + std::to_string(counts.lost_scans) + " scans",

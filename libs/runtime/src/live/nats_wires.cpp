@@ -2,6 +2,7 @@
 #include <mapweave/core/log.h>
 #include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/nats_wires.h>
+#include <mapweave/tiers/subjects.h>
 #include <mapweave/transport/nats_channel.h>
 #include <mapweave/transport/nats_stream.h>
 
@@ -12,6 +13,8 @@ namespace mapweave::runtime {
 namespace {
 
 constexpr std::size_t kLongestMessage = std::size_t{64} << 20;
+constexpr std::uint64_t kCameraStream = std::uint64_t{128} << 20;  // bytes
+constexpr int kCameraClasses = 2;                                  // see with_cameras()
 
 // Names of streams have no dots.
 std::string stream_name(const std::string& name) {
@@ -54,6 +57,17 @@ transport::NatsChannelOptions across_brokers(transport::NatsChannelOptions optio
   return options;
 }
 
+// Who was lost and asks where it is, and what says that something is stored, overtake maps and what is shared. No map
+// is one message here.
+transport::NatsChannelOptions with_cameras(transport::NatsChannelOptions options, std::size_t queue_bytes) {
+  namespace subject = tiers::subject;
+  options.priorities = {{subject::kHello, subject::kPlaceRequest, subject::kWelcome, subject::kReceipts,
+                         subject::kPlace, subject::kRefusal}};
+  options.out.stream_bytes = options.in.stream_bytes = kCameraStream;
+  options.limits.bytes = queue_bytes;
+  return options;
+}
+
 // A robot's whole map is one message.
 transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
   options.limits.bytes = kLongestMessage;
@@ -62,14 +76,15 @@ transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
 }
 
 // What either end of a wire does with the broker. peer: of one wire, or "*" for all that a tier accepts. in_domain: of
-// the other end's broker, where each end has one.
+// the other end's broker, where each end has one. number: of the class of messages.
 void allow(transport::BrokerUser& user, const std::string& wire, const std::string& peer,
-           transport::NatsChannelSide side, const std::string& in_domain = {}) {
+           transport::NatsChannelSide side, const std::string& in_domain = {}, int number = 0) {
   const bool accepts = side == transport::NatsChannelSide::accepts;
   const std::string in_api = in_domain.empty() ? "$JS.API." : "$JS." + in_domain + ".API.";
-  const std::string out = wire + (accepts ? "_down_0" : "_up_0"), in = wire + (accepts ? "_up_0" : "_down_0");
+  const std::string class_number = std::to_string(number), up = "_up_" + class_number, down = "_down_" + class_number;
+  const std::string out = wire + (accepts ? down : up), in = wire + (accepts ? up : down);
   const auto may = [&](const std::string& subject) { user.may_publish.push_back(subject); };
-  may("mw." + wire + (accepts ? "_down" : "_up") + ".0." + peer);
+  may("mw." + wire + (accepts ? "_down." : "_up.") + class_number + "." + peer);
   may("$JS.API.CONSUMER.INFO." + out + "." + peer);
   for (const char* what : {"INFO.", "DURABLE.CREATE.", "DELETE.", "MSG.NEXT."})
     may(in_api + "CONSUMER." + what + in + "." + peer);
@@ -103,6 +118,18 @@ Connect connect(const std::shared_ptr<transport::NatsConnection>& connection, tr
 
 std::string of_edge(const TierId& edge) { return "edge_" + stream_name(edge.str()); }
 std::string of_cloud(const TierId& edge) { return "cloud_" + stream_name(edge.str()); }
+std::string of_cameras(const TierId& edge) { return "cameras_" + stream_name(edge.str()); }
+
+// Of one camera's wire; of no two robots the same, since a robot's name ends at the last dot.
+std::string camera_peer(const RobotId& robot, int number) { return robot.str() + "." + std::to_string(number); }
+
+// Where cameras share while they drive: nobody knows beforehand how many a robot has.
+void allow_cameras(transport::BrokerUser& robot, const PlannedRobot& planned) {
+  for (int number = 0; number < static_cast<int>(kMostSharingCameras); ++number)
+    for (int one = 0; one < kCameraClasses; ++one)
+      allow(robot, of_cameras(planned.edge), transport::nats_token(camera_peer(planned.id, number)),
+            transport::NatsChannelSide::opens, {}, one);
+}
 
 // Where a coordinator may give any robot to any edge: who follows its plan, and what it hears of maps.
 void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan& plan) {
@@ -141,6 +168,7 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
   const auto is_here = [&](const TierId& edge) {
     return edge_entry(configuration, edge).broker.empty() ? !at_broker_of : at_broker_of == edge;
   };
+  const bool shares = shares_cameras(configuration);
   std::vector<transport::BrokerUser> users;
   transport::BrokerUser cloud = new_user("cloud"), doctor = new_user("doctor");
   for (const TierId& edge : plan.edges) {
@@ -150,6 +178,7 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
     if (!is_here(edge)) continue;
     transport::BrokerUser& user = users.emplace_back(new_user("edge-" + edge.str()));
     allow(user, of_edge(edge), "*", Side::accepts);
+    for (int one = 0; shares && one < kCameraClasses; ++one) allow(user, of_cameras(edge), "*", Side::accepts, {}, one);
     allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens, domain.empty() ? "" : kHubDomain);
     allow_board(user, kBoard, {"INFO", "CREATE"});
   }
@@ -157,7 +186,9 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
   for (const PlannedRobot& robot : plan.robots) {
     if (!(robot.edge.empty() ? is_coordinated : is_here(robot.edge))) continue;
     transport::BrokerUser& user = users.emplace_back(new_user("robot-" + robot.id.str()));
-    if (!robot.edge.empty()) allow(user, of_edge(robot.edge), transport::nats_token(robot.id.str()), Side::opens);
+    if (robot.edge.empty()) continue;
+    allow(user, of_edge(robot.edge), transport::nats_token(robot.id.str()), Side::opens);
+    if (shares) allow_cameras(user, robot);
   }
   if (!at_broker_of) {
     allow_board(cloud, kBoard, {"INFO", "CREATE"});
@@ -177,7 +208,9 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
 }
 
 NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience)
-    : has_accounts_(!live.keys.empty()), edges_(configuration.edges) {
+    : has_accounts_(!live.keys.empty()),
+      camera_queue_bytes_(static_cast<std::size_t>(live.map_server.queue_kb) << 10),
+      edges_(configuration.edges) {
   transport::NatsOptions options;
   options.url = live.broker;
   if (has_accounts_) {
@@ -206,6 +239,18 @@ Connect NatsWires::from_robot(const RobotId& robot, const TierId& edge) const {
 Connect NatsWires::at_edge(const RobotId& robot, const TierId& edge) const {
   return connect(connection_,
                  options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts, has_accounts_));
+}
+Connect NatsWires::from_camera(const RobotId& robot, int number, const TierId& edge) const {
+  return of_camera(robot, number, edge, transport::NatsChannelSide::opens);
+}
+Connect NatsWires::at_map_server(const RobotId& robot, int number, const TierId& edge) const {
+  return of_camera(robot, number, edge, transport::NatsChannelSide::accepts);
+}
+Connect NatsWires::of_camera(const RobotId& robot, int number, const TierId& edge,
+                             transport::NatsChannelSide side) const {
+  return connect(
+      connection_,
+      with_cameras(options_of(of_cameras(edge), camera_peer(robot, number), side, has_accounts_), camera_queue_bytes_));
 }
 Connect NatsWires::from_edge(const TierId& edge) const {
   return between_tiers(edge, transport::NatsChannelSide::opens);
@@ -251,6 +296,30 @@ void ServedWires::keep() {
       wire.channel = wire.accept();
       serve_(wire.channel);
     }
+}
+
+CameraWires::CameraWires(const NatsWires& wires, const TierId& edge, LiveEdge& server)
+    : wires_(wires), edge_(edge), server_(server) {}
+
+void CameraWires::add(const RobotId& robot) {
+  robots_.try_emplace(robot, [&server = server_, robot](std::shared_ptr<transport::Channel> channel) {
+    server.serve_camera(robot, std::move(channel));
+  });
+}
+
+void CameraWires::keep() {
+  constexpr std::chrono::milliseconds kBetween{500};
+  const auto now = std::chrono::steady_clock::now();
+  const bool looks = now >= next_;
+  if (looks) next_ = now + kBetween;
+  for (auto& [id, robot] : robots_) {
+    if (looks) {
+      const std::size_t wanted = std::min(server_.cameras_of(id) + 1, kMostSharingCameras);
+      for (; robot.count < wanted; ++robot.count)
+        robot.wires.add(std::to_string(robot.count), wires_.at_map_server(id, static_cast<int>(robot.count), edge_));
+    }
+    robot.wires.keep();
+  }
 }
 
 }  // namespace mapweave::runtime

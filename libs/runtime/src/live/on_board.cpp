@@ -5,6 +5,7 @@
 #include <mapweave/tiers/edge_server.h>
 
 #include <algorithm>
+#include <iterator>
 
 namespace mapweave::runtime {
 namespace {
@@ -43,9 +44,12 @@ void OnBoardMapping::advance(Stamp until, const std::atomic<bool>& give_up) {
 
 std::uint64_t OnBoardMapping::seen() {
   std::uint64_t seen = laser_ ? laser_->scans() : 0;
-  if (cameras_)
-    for (const CameraTask::Client& camera : cameras_->clients()) seen += camera.report->frames;
+  for (const CameraTask::Client& camera : cameras()) seen += camera.report->frames;
   return seen;
+}
+
+std::vector<CameraTask::Client> OnBoardMapping::cameras() {
+  return cameras_ ? cameras_->clients() : std::vector<CameraTask::Client>{};
 }
 
 void OnBoardMapping::add_laser(RobotRecord& record, std::vector<Map>& maps) {
@@ -77,7 +81,7 @@ void OnBoardMapping::add_cameras(RobotRecord& record, std::vector<Map>& maps) {
   record.cameras = std::move(outcome);
 }
 
-std::vector<Sensed> OnBoardMapping::finish(bool was_asked_to_end) {
+std::vector<Sensed> OnBoardMapping::finish(bool was_asked_to_end, std::vector<std::string> notes) {
   RobotRecord record;
   std::vector<Map> maps;
   if (laser_) add_laser(record, maps);
@@ -86,6 +90,7 @@ std::vector<Sensed> OnBoardMapping::finish(bool was_asked_to_end) {
   record.robot = robot_.id;
   if (robot_.trouble) record.trouble = robot_.trouble;
   record.wall_s = watch_.seconds();
+  record.notes.insert(record.notes.end(), std::make_move_iterator(notes.begin()), std::make_move_iterator(notes.end()));
   if (was_asked_to_end) record.notes.push_back("robot " + robot_.id.str() + ": its recording was ended on request");
   try {
     record.log_sha256 = hash_of_input(robot_.log);

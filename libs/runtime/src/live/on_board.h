@@ -28,10 +28,12 @@ class OnBoardMapping {
   std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
   // All records before `until`. Throws Interrupted alone: after a signal, or when `give_up` becomes true.
   void advance(Stamp until, const std::atomic<bool>& give_up);
-  std::uint64_t seen();  // scans or frames so far
+  std::uint64_t seen();                       // scans or frames so far
+  std::vector<CameraTask::Client> cameras();  // as CameraTask::clients(); valid until finish()
 
   // Its maps and its report as messages, in order, from number 1 on; then the end. Once.
-  std::vector<Sensed> finish(bool was_asked_to_end);
+  // notes: what else is to be said of its mapping.
+  std::vector<Sensed> finish(bool was_asked_to_end, std::vector<std::string> notes = {});
 
  private:
   void add_laser(RobotRecord& record, std::vector<Map>& maps);

@@ -1,11 +1,8 @@
 #pragma once
 // A camera that does not wait, with a client of its own, on the wire to its edge's map server.
 
-#include <mapweave/tiers/camera_agent.h>
-#include <mapweave/transport/channel.h>
+#include <mapweave/runtime/camera_link.h>
 #include <mapweave/visual/live_client.h>
-
-#include <mutex>
 
 namespace mapweave::runtime {
 
@@ -26,40 +23,18 @@ class LiveCamera {
   void add(visual::Frame frame) { client_.add(std::move(frame)); }
   void add(visual::FeatureFrame frame) { client_.add(std::move(frame)); }
   int dropped() const { return client_.dropped(); }
-  // To a server that is there again, or another one: says hello, and publishes what that has not stored, its maps from
-  // the beginning where need be.
-  void reconnect(std::shared_ptr<transport::Channel> channel);
+  // As CameraLink::use(): to a server that is there again, or another one.
+  void reconnect(std::shared_ptr<transport::Channel> channel) { link_.use(std::move(channel)); }
   // No more frames come. Publishes the rest, and waits so long for the server to confirm it. As LiveClient::finish
   // otherwise.
   visual::VisualClient& finish(std::chrono::milliseconds patience);
 
   // To be read after finish().
-  const tiers::CameraAgent& agent() const { return agent_; }
-  const std::string& refusal() const {
-    return refusal_;
-  }  // the last one, of the server's or because a message can never be sent
+  const tiers::CameraAgent& agent() const { return link_.agent(); }
+  const std::string& refusal() const { return link_.refusal(); }
 
  private:
-  // Whether it had anything to publish.
-  bool publish(visual::VisualClient& client, Stamp now);
-  void ask(visual::VisualClient& client);
-  void receive(visual::VisualClient& client, std::chrono::milliseconds patience);
-  bool send(transport::Envelope message);
-  void refused(const std::string& why);
-  void note_lost(std::size_t forgotten);  // keyframes, with the server before
-
-  std::mutex mutex_;
-  std::shared_ptr<transport::Channel> next_channel_;  // in place of the other
-
-  // Of the tracking thread, until it has ended.
-  visual::ClientPlace place_;
-  std::shared_ptr<transport::Channel> channel_;
-  tiers::CameraAgent agent_;
-  Hash vocabulary_;
-  std::optional<Stamp> last_;
-  bool greeted_ = false, welcome_ = false;
-  bool reported_too_long_ = false;  // that something is, for this channel
-  std::string refusal_;
+  CameraLink link_;  // of the tracking thread, until it has ended
   visual::LiveClient client_;
 };
 

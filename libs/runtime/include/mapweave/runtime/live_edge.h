@@ -4,6 +4,7 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/live_map_server.h>
 #include <mapweave/runtime/live_preview.h>
 #include <mapweave/runtime/live_requests.h>
 #include <mapweave/runtime/live_robot.h>
@@ -47,14 +48,20 @@ struct LiveEdgeCounts {
   std::uint64_t plan = 0;                  // that it follows
   double mapping_s = 0.0;                  // of wall time in which scans were mapped, of all robots
   std::optional<double> bytes_per_s;       // what the way to the cloud carries, as it was measured last
+  // Of the map server, since the edge began, where cameras share while they drive.
+  std::optional<ServerCounts> cameras;
 };
+
+// Where an edge with this journal keeps what its map server receives.
+std::filesystem::path journal_of_cameras(const std::filesystem::path& journal);
 
 // All calls are thread-safe.
 class LiveEdge {
  public:
   // Goes on where the journal ends: it maps again what is in it, before it takes more. Without one, what it has is gone
-  // when it ends, and it confirms what it holds in memory. Throws Error as UpdateJournal does, and kBadInput where no
-  // robot of the plan has this edge; with a coordinator, where it is no edge of the plan.
+  // when it ends, and it confirms what it holds in memory. Where cameras share (server.share) it has a map server with
+  // a journal of its own. Throws Error as UpdateJournal and LiveMapServer do, and kBadInput where no robot of the plan
+  // has this edge; with a coordinator, where it is no edge of the plan.
   LiveEdge(TierId edge, const LiveSite& site, Connect to_cloud);
   ~LiveEdge();  // at once; what is in the journal stays
 
@@ -62,6 +69,12 @@ class LiveEdge {
   std::shared_ptr<transport::Channel> connect();
   // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
   void serve(std::shared_ptr<transport::Channel> robot);
+  // The same for one camera of this robot at the map server, each on a channel of its own; closed where cameras share
+  // nothing.
+  std::shared_ptr<transport::Channel> connect_camera(const RobotId& robot);
+  void serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera);
+  // How many of this robot's cameras have come so far.
+  std::size_t cameras_of(const RobotId& robot) const;
   // Its robots are those that the plan gives it. What it has of others it keeps: they may come back, and go on there.
   // With a coordinator it merges for good by a final plan alone, and anew where a later one gives it more robots.
   void follow(const LivePlan& plan);

@@ -2,38 +2,19 @@
 // An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client,
 // handlers that take from them in turn, and maps that are merged aside. What it says it has stored is in its journal.
 
+#include <mapweave/runtime/live_options.h>
 #include <mapweave/tiers/visual_server.h>
 #include <mapweave/transport/channel.h>
 
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mapweave::runtime {
-
-struct LiveServerOptions {
-  int handlers = 2;
-  int merge_threads = 1;
-  double merge_share = 0.5;
-  int queue_kb = 4096;
-  int answers_kb = 1024;
-  int journal_kb = 65536;
-  template <class Visitor>
-  void describe(Visitor& v) {
-    v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
-    v.integer("merge_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
-    v.fraction("merge_share", merge_share,
-               "largest share of the time that maps are merged: the next merge waits until then");
-    v.integer("queue_kb", queue_kb, 64, 1 << 20,
-              "of one client, that may wait to be handled; it is asked to repeat the rest later");
-    v.integer("answers_kb", answers_kb, 64, 1 << 20,
-              "that may wait until a client takes them; nothing is shared with it meanwhile");
-    v.integer("journal_kb", journal_kb, 1, 1 << 30,
-              "that the journal may grow by, and to twice its length, before it is written anew");
-  }
-};
 
 // What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time,
 // but for waiting.
@@ -75,10 +56,14 @@ class LiveMapServer {
   // A client's end of a channel in this process, for one run from its hello on; subjects: tiers/subjects.h. Where the
   // same run says hello on another channel, this one is closed: a wire that broke. May outlive the server. Letting go
   // of it closes it. Throws as serve.
-  std::shared_ptr<transport::Channel> connect();
+  std::shared_ptr<transport::Channel> connect(const std::optional<RobotId>& robot = std::nullopt);
   // The server's end of any channel to a client. Updates are acknowledged once they are in the journal, all else once
-  // it is handled. Throws Error(kBadInput) where there are too many; the channel is closed where the server has ended.
-  void serve(std::shared_ptr<transport::Channel> client);
+  // it is handled. robot: nobody comes on it but this robot's cameras. Throws Error(kBadInput) where there are too
+  // many; the channel is closed where the server has ended.
+  void serve(std::shared_ptr<transport::Channel> client, const std::optional<RobotId>& robot = std::nullopt);
+
+  // Robots whose maps must not be matched to each other from the next merge on, the lower id first.
+  void refuse(std::set<std::pair<RobotId, RobotId>> robots);
 
   // A judgement that is not to be believed from the next merge on, which begins soon; in the journal when it returns.
   // Throws Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room;

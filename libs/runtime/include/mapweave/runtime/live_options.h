@@ -21,6 +21,35 @@ struct LiveWireOptions {
   }
 };
 
+// Of an edge's map server for cameras that share while they drive.
+struct LiveServerOptions {
+  int handlers = 2;
+  int merge_threads = 1;
+  double merge_share = 0.5;
+  int queue_kb = 4096;
+  int answers_kb = 1024;
+  int journal_kb = 65536;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("handlers", handlers, 1, 64,
+              "threads that handle what cameras say; larger values let more cameras speak at a time");
+    v.integer("merge_threads", merge_threads, 1, 64,
+              "threads that merge the cameras' maps, at a lower priority than the others; larger values merge faster");
+    v.fraction("merge_share", merge_share,
+               "largest share of the time in which maps are merged: the next merge waits until then; larger values "
+               "merge more often");
+    v.integer("queue_kb", queue_kb, 64, 1 << 20,
+              "of what one camera says, in kB, that may wait to be handled; the rest it keeps and says later; larger "
+              "values take more memory");
+    v.integer("answers_kb", answers_kb, 64, 1 << 20,
+              "of answers, in kB, that may wait until a camera takes them; nothing is shared with it meanwhile; larger "
+              "values fill slow wires more");
+    v.integer("journal_kb", journal_kb, 1, 1 << 30,
+              "of the journal, in kB, that it may grow by, and to twice its length, before it is written anew; larger "
+              "values take more of the disk");
+  }
+};
+
 struct LiveOptions {
   std::string broker = "nats://127.0.0.1:4222", keys, store = "mapweave-store";
   bool unprotected = false;
@@ -32,6 +61,7 @@ struct LiveOptions {
   std::string page_host = "127.0.0.1";
   int page_port = 0;
   LiveWireOptions wire;
+  LiveServerOptions map_server;
   std::size_t robot_buffer_bytes() const { return static_cast<std::size_t>(robot_buffer_kb) << 10; }
   std::size_t edge_queue_bytes() const { return static_cast<std::size_t>(edge_queue_kb) << 10; }
   template <class Visitor>
@@ -76,6 +106,7 @@ struct LiveOptions {
               "for each program "
               "of a machine; 0: no page");
     v.section("wire", wire, "messages between robots, edges and the cloud");
+    v.section("map_server", map_server, "an edge's map server of cameras that share while they drive (server.share)");
   }
 };
 

@@ -20,6 +20,9 @@ namespace mapweave::runtime {
 // any thread.
 using Connect = std::function<std::shared_ptr<transport::Channel>()>;
 using ConnectToEdge = std::function<std::shared_ptr<transport::Channel>(const TierId& edge)>;
+// To the edge's map server, for one of the robot's cameras that share while they drive: numbered from 0 as they begin.
+using ConnectCamera = std::function<std::shared_ptr<transport::Channel>(const TierId& edge, int number)>;
+inline constexpr std::size_t kMostSharingCameras = 8;  // of a robot
 
 struct LiveRobotCounts {
   std::uint64_t records = 0, scans = 0, lost_scans = 0;  // read; of these, packed; that there was no room for; on board
@@ -37,6 +40,14 @@ struct LiveRobotCounts {
   std::uint64_t moves = 0;            // how often it was given to another one
   std::optional<double> bytes_per_s;  // what the way to its edge carries, as it was measured last
   bool is_released = true;            // nobody needs what it sensed any more, once its edge has it all
+  // Of cameras that share while they drive, so far.
+  struct Sharing {
+    std::size_t cameras = 0, on_wire = 0;              // that have begun; to which the map server answers
+    std::uint64_t sent_bytes = 0, received_bytes = 0;  // repetitions too
+    std::uint64_t shared_keyframes = 0, borrowed = 0;  // of others: kept at most; landmarks seen at a time at most
+    std::string refusal;                               // the map server's last one
+  };
+  std::optional<Sharing> sharing;  // where they do
 };
 
 // Two threads of its own: one reads, one speaks. All calls are thread-safe. One recording is one run: a robot that
@@ -44,9 +55,9 @@ struct LiveRobotCounts {
 class LiveRobot {
  public:
   // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
-  // for a robot without a sensor.
+  // for a robot without a sensor. to_map_server: where cameras share (server.share); null: they do not.
   LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-            ConnectToEdge to_edge);
+            ConnectToEdge to_edge, ConnectCamera to_map_server = nullptr);
   ~LiveRobot();
 
   // The recording ends where it is.
@@ -72,9 +83,14 @@ class LiveRobot {
 // what is written, and how programs talk; and the program's version.
 Hash agreement_of(RunConfiguration configuration);
 
+// Whether cameras of robots share with an edge's map server while they drive.
+inline bool shares_cameras(const RunConfiguration& configuration) {
+  return configuration.server.share != tiers::Sharing::none;
+}
+
 // Throws Error(kBadInput), naming the key, for what robots, edges and a cloud that run as programs of their own do not
-// do yet: cameras that share while they drive, a coordinator of edges with brokers of their own, parts of logs. The
-// plan's sensors need not be chosen.
+// do yet: cameras of several edges that share while they drive, or with a coordinator; a coordinator of edges with
+// brokers of their own; parts of logs. The plan's sensors need not be chosen.
 void expect_live(const RunConfiguration& configuration, const RunPlan& plan);
 
 }  // namespace mapweave::runtime

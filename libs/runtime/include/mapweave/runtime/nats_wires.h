@@ -37,9 +37,11 @@ class NatsWires {
 
   // Ends that open: for LiveRobot, and for LiveEdge.
   Connect from_robot(const RobotId& robot, const TierId& edge) const;
+  Connect from_camera(const RobotId& robot, int number, const TierId& edge) const;  // numbered as ConnectCamera says
   Connect from_edge(const TierId& edge) const;
   // Ends that accept.
   Connect at_edge(const RobotId& robot, const TierId& edge) const;
+  Connect at_map_server(const RobotId& robot, int number, const TierId& edge) const;
   Connect at_cloud(const TierId& edge) const;
 
   // Where every program of the deployment says how it is (program_status), under the name that its user has or would
@@ -59,8 +61,11 @@ class NatsWires {
   std::string domain_at(const TierId& edge) const;
   Connect between_tiers(const TierId& edge, transport::NatsChannelSide side) const;
 
+  Connect of_camera(const RobotId& robot, int number, const TierId& edge, transport::NatsChannelSide side) const;
+
   std::shared_ptr<transport::NatsConnection> connection_;
   bool has_accounts_ = false;
+  std::size_t camera_queue_bytes_ = 0;
   std::vector<EdgeEntry> edges_;
 };
 
@@ -80,6 +85,27 @@ class ServedWires {
   };
   std::function<void(std::shared_ptr<transport::Channel>)> serve_;
   std::map<std::string, Wire> wires_;
+};
+
+// Wires of the cameras of an edge's robots, where they share while they drive: nobody says beforehand how many a robot
+// has, so each has one more than have come. Not thread-safe.
+class CameraWires {
+ public:
+  CameraWires(const NatsWires& wires, const TierId& edge, LiveEdge& server);
+  void add(const RobotId& robot);
+  void keep();  // now and then
+
+ private:
+  struct Robot {
+    explicit Robot(std::function<void(std::shared_ptr<transport::Channel>)> serve) : wires(std::move(serve)) {}
+    ServedWires wires;
+    std::size_t count = 0;
+  };
+  const NatsWires& wires_;
+  const TierId edge_;
+  LiveEdge& server_;
+  std::map<RobotId, Robot> robots_;
+  std::chrono::steady_clock::time_point next_{};
 };
 
 }  // namespace mapweave::runtime

@@ -3,13 +3,16 @@
 
 namespace mapweave::tiers::subject {
 
-// A camera's client -> its map server: encoded Hello, MapUpdate, ClientView, PlaceRequest. Updates are numbered, each
-// map's by itself, and repeated until a receipt names them; the others are sent once.
-inline constexpr char kHello[] = "hello", kUpdate[] = "update", kView[] = "view", kPlaceRequest[] = "place_request";
+// A camera's client -> its map server: encoded Hello, MapUpdate, ClientView, PlaceRequest; at its end, what it has of
+// what the server keeps for it (Receipts). Updates are numbered, each map's by itself, and repeated until a receipt
+// names them; the others are sent once.
+inline constexpr char kHello[] = "hello", kUpdate[] = "update", kView[] = "view", kPlaceRequest[] = "place_request",
+                      kKeptRequest[] = "kept_request";
 // Server -> client: encoded Receipts (welcome: of all that is stored, the answer to hello; receipts: of what was
-// updated since), Share, PlaceAnswer, Refusal.
+// updated since), Share, PlaceAnswer, Refusal; parts of a KeptMap that the client lacks, as many as there is room for,
+// then how many there are of each map (Receipts).
 inline constexpr char kWelcome[] = "welcome", kReceipts[] = "receipts", kShare[] = "share", kPlace[] = "place",
-                      kRefusal[] = "refusal";
+                      kRefusal[] = "refusal", kKept[] = "kept", kKeptEnd[] = "kept_end";
 
 // Robots with lasers, edges and the cloud, where each is a program of its own; all are numbered. Robot -> edge: Sensed.
 inline constexpr char kSensed[] = "sensed";

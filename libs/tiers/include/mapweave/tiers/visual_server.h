@@ -191,6 +191,8 @@ class VisualServer {
   std::vector<Map> maps() const;
   // Of those, a client's own that hold what it has forgotten (KeptMap); ids of maps are the client's.
   std::vector<KeptMap> kept_for(const SessionId& client) const;
+  // The same of the maps as they are now, read where it is called: on any thread, while the server goes on.
+  std::function<std::vector<KeptMap>()> kept_to_read(const SessionId& client) const;
   // For people: why cameras of one robot are not merged, by the last merge; keeping_trouble().
   std::vector<std::string> notes() const;
   // What could not be kept, or not on the disk, of what clients forgot.
