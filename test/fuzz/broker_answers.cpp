@@ -29,7 +29,7 @@ const std::vector<Kind>& kinds() {
         kRefused}},
       {[](std::string_view bytes) { word_of(nlohmann::json::parse(bytes, nullptr, false), kWhere); },
        {R"({"message": {"subject": "mw.s.n", "seq": 4, "data": "YWxwaGE=", "time": "2026-11-25T23:36:34.123456789Z"}})",
-        kRefused}}};
+        R"({"error": {"code": 404, "err_code": 10037, "description": "no message found"}})"}}};
   return all;
 }
 

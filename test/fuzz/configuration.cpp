@@ -10,7 +10,7 @@ namespace {
 constexpr char kTeam[] =
     "seed: 7\nrobots:\n  - id: alpha\n    edge: north\n    waypoints: [{x_m: 1}, {x_m: -2.5}]\n    start: {x_m: 3}\n"
     "  - {id: \"b\\u00e9ta\", edge: 'so''uth'}\nlaser:\n  engine: rbpf  # a comment\n  graph:\n    search_radius_m: 1e-3\n"
-    "    min_score: .5\n  close_loops: no\n  height_m: -1.25\ndecay_s: 0\n";
+    "    min_score: .5\n  close_loops: false\n  height_m: -1.25\ndecay_s: 0\n";
 
 // What was loaded is written as YAML that loads as the same.
 void load_and_write(const ConfigurationSources& sources) {

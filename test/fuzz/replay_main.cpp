@@ -1,8 +1,8 @@
 // A target as a program without libFuzzer: its seeds, then mutations of them for some seconds, the same ones in the same
 // order each time; or files that libFuzzer kept.
-//   fuzz_NAME [SECONDS]      1 unless said otherwise
+//   fuzz_NAME [SECONDS]      unless said otherwise MAPWEAVE_FUZZ_SECONDS of the environment, or 1
 //   fuzz_NAME FILE...
-// An input that ends the process is left in NAME.input in the working folder.
+// An input that ends the process is left in fuzz_NAME.input in the working folder.
 
 #include "fuzz_target.h"
 #include "mutation.h"
@@ -20,7 +20,7 @@
 #if defined(__SANITIZE_ADDRESS__)
 extern "C" const char* __asan_default_options();
 extern "C" const char* __asan_default_options() {
-  return "abort_on_error=1:handle_abort=0:max_allocation_size_mb=1100:hard_rss_limit_mb=3000";
+  return "abort_on_error=1:handle_abort=0:max_allocation_size_mb=600:hard_rss_limit_mb=2048";
 }
 constexpr bool kHasSanitizer = true;
 #else
@@ -30,9 +30,9 @@ constexpr bool kHasSanitizer = false;
 namespace mapweave::fuzz {
 namespace {
 
-constexpr unsigned kMostSeconds = 20;                      // of one input
-constexpr rlim_t kMostMemory = rlim_t{3} << 30;            // of the process
-constexpr std::size_t kSmallestRounds = 50;                // of mutations, however slow they are
+constexpr unsigned kMostSeconds = 20;             // of one input
+constexpr rlim_t kMostMemory = rlim_t{2} << 30;   // of the process
+constexpr std::size_t kSmallestRounds = 50;       // of mutations, however slow they are
 
 std::string_view current;  // what is being decoded
 std::string kept_name;
@@ -82,8 +82,9 @@ int run(int argc, char** argv) {
     const rlimit limit{kMostMemory, kMostMemory};
     ::setrlimit(RLIMIT_AS, &limit);
   }
+  const char* asked = argc < 2 ? std::getenv("MAPWEAVE_FUZZ_SECONDS") : argv[1];
   char* end = nullptr;
-  const double seconds = argc < 2 ? 1.0 : std::strtod(argv[1], &end);
+  const double seconds = asked == nullptr ? 1.0 : std::strtod(asked, &end);
   if (argc < 2 || (argc == 2 && *end == '\0')) {
     replay(seconds);
     return 0;
