@@ -57,9 +57,9 @@ const std::vector<Kind>& kinds() {
     const auto add = [&](std::vector<Kind> more) {
       for (Kind& kind : more) made.push_back(std::move(kind));
     };
-    add(files_of("tum", [](const fs::path& place) { make_tum(place, kFrames); },
-                 {"rgb.txt", "depth.txt", "camera.yaml", "accelerometer.txt", "groundtruth.txt",
-                  "depth/100.004000.png"}));
+    add(files_of(
+        "tum", [](const fs::path& place) { make_tum(place, kFrames); },
+        {"rgb.txt", "depth.txt", "camera.yaml", "accelerometer.txt", "groundtruth.txt", "depth/100.004000.png"}));
     add(files_of("kitti", [](const fs::path& place) { make_kitti(place, kFrames); }, {"times.txt", "calib.txt"}));
     add(files_of("euroc", [](const fs::path& place) { make_euroc(place, kFrames); },
                  {"mav0/cam0/data.csv", "mav0/cam1/sensor.yaml", "mav0/imu0/data.csv"}));

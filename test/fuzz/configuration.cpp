@@ -9,7 +9,8 @@ namespace {
 
 constexpr char kTeam[] =
     "seed: 7\nrobots:\n  - id: alpha\n    edge: north\n    waypoints: [{x_m: 1}, {x_m: -2.5}]\n    start: {x_m: 3}\n"
-    "  - {id: \"b\\u00e9ta\", edge: 'so''uth'}\nlaser:\n  engine: rbpf  # a comment\n  graph:\n    search_radius_m: 1e-3\n"
+    "  - {id: \"b\\u00e9ta\", edge: 'so''uth'}\nlaser:\n  engine: rbpf  # a comment\n  graph:\n    search_radius_m: "
+    "1e-3\n"
     "    min_score: .5\n  close_loops: false\n  height_m: -1.25\ndecay_s: 0\n";
 
 // What was loaded is written as YAML that loads as the same.
@@ -28,8 +29,13 @@ void load_and_write(const ConfigurationSources& sources) {
 
 const std::vector<Kind>& kinds() {
   static const std::vector<Kind> all = {
-      {[](std::string_view bytes) { load_and_write({{scratch_file("input.yaml", bytes)}, {}, {}}); }, {kTeam, ""}},
-      {[](std::string_view bytes) { load_and_write({{}, {}, {std::string(bytes)}}); },
+      {[](std::string_view bytes) {
+         load_and_write({{scratch_file("input.yaml", bytes)}, {}, {}});
+       },
+       {kTeam, ""}},
+      {[](std::string_view bytes) {
+         load_and_write({{}, {}, {std::string(bytes)}});
+       },
        {"laser.graph.min_score=0.5", "robots.0.edge=north", "robots[1].waypoints=[{x_m: 2}]", "seed=12"}},
       {[](std::string_view bytes) {
          load_and_write({{}, {{"MAPWEAVE_LASER__GRAPH__MIN_SCORE", std::string(bytes)}}, {}});

@@ -7,9 +7,7 @@
 namespace mapweave::fuzz {
 namespace {
 
-KeyframeFeatures some_features() {
-  return std::get<KeyframeFeatures>(*test::of_a_client(1, 20).nodes.front().payload);
-}
+KeyframeFeatures some_features() { return std::get<KeyframeFeatures>(*test::of_a_client(1, 20).nodes.front().payload); }
 
 StreamEnd some_end() {
   StreamEnd end{Error(ErrorCode::kCorrupt, "cut short", "a.rawlog", "copy it again"), {"a note"}, "a.rawlog", {}};
@@ -22,8 +20,7 @@ const std::vector<Kind>& kinds() {
       {round_trip(decode_hello), {encode(Hello{test::kAlphaCamera, test::hash_of(1)})}},
       {round_trip(decode_client_view), {encode(ClientView{MapId("alpha.camera"), {7}, {}, 1, 20, 3, 4})}},
       {round_trip(decode_place_request), {encode(PlaceRequest{{8}, some_features()})}},
-      {round_trip(decode_place_answer),
-       {encode(PlaceAnswer{{8}, MapId("beta.camera"), {}, test::share().landmarks})}},
+      {round_trip(decode_place_answer), {encode(PlaceAnswer{{8}, MapId("beta.camera"), {}, test::share().landmarks})}},
       {round_trip(decode_share), {encode(test::share()), encode(test::global_share())}},
       {round_trip(decode_sensed),
        {encode(test::sensed(test::small_scan())), encode(test::sensed(some_end())),

@@ -18,7 +18,6 @@ void replay(UpdateJournal& journal) {
   });
 }
 
-
 void go_on(std::string_view bytes) {
   clear_scratch();
   UpdateJournal journal(scratch_file("input.mwj", bytes));

@@ -32,8 +32,9 @@ Kind requests() {
   LiveRequests sound;
   sound.refused = {{RobotId("alpha"), RobotId("beta")}};
   sound.starts[RobotId("beta")] = {1.0, -2.0, 0.5, 0.3, 0.2};
-  return {round_trip([](std::string_view bytes, const char* where) { return decode_live_requests(bytes, plan(), where); }),
-          {encode(sound)}};
+  return {
+      round_trip([](std::string_view bytes, const char* where) { return decode_live_requests(bytes, plan(), where); }),
+      {encode(sound)}};
 }
 
 Kind plans() {

@@ -84,7 +84,8 @@ const std::vector<Kind>& kinds() {
     std::vector<std::string> sealed;
     for (const auto& blobs : sound_content().blobs)
       for (const std::string& blob : blobs) sealed.push_back(static_cast<char>(sealed.size()) + blob);
-    return std::vector<Kind>{{read_file_of_store, {file_bytes(scratch_folder() / "sound.mwdb")}}, {read_sealed, sealed}};
+    return std::vector<Kind>{{read_file_of_store, {file_bytes(scratch_folder() / "sound.mwdb")}},
+                             {read_sealed, sealed}};
   }();
   return all;
 }

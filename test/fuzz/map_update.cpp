@@ -26,9 +26,9 @@ std::vector<std::string> seeds() {
   Node node = moved.nodes.front().second;
   node.map_from_node.t.x() += 1.0;
   moved.nodes.set(node.id, node);
-  return {encode(test::scan_update(1, 12)), encode(difference({}, known_map())), encode(difference(known_map(), moved)),
-          encode(test::keyframe_update(2, 6)), encode(test::of_a_client(3, 20)),
-          encode(difference({}, test::RandomMaps(4).keyframe_map("alpha", 5)))};
+  return {encode(test::scan_update(1, 12)),       encode(difference({}, known_map())),
+          encode(difference(known_map(), moved)), encode(test::keyframe_update(2, 6)),
+          encode(test::of_a_client(3, 20)),       encode(difference({}, test::RandomMaps(4).keyframe_map("alpha", 5)))};
 }
 
 void decode(std::string_view bytes) {

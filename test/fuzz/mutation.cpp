@@ -25,9 +25,11 @@ void write_number(std::string& bytes, std::size_t at, std::mt19937_64& random) {
 }
 
 void write_text(std::string& bytes, std::size_t at, std::mt19937_64& random) {
-  static const char* const kTexts[] = {"0",   "-1",  "9", "999999999999999999999", "1e308", "nan", "inf", "-",
-                                       "\"",  "[",   "{", "}",                     ": ",    "\n",  "\t",  "null",
-                                       "../", "#\n", ",", "1e-320"};
+  static const char* const kTexts[] = {"0",     "-1",  "9",   "999999999999999999999",
+                                       "1e308", "nan", "inf", "-",
+                                       "\"",    "[",   "{",   "}",
+                                       ": ",    "\n",  "\t",  "null",
+                                       "../",   "#\n", ",",   "1e-320"};
   bytes.replace(at, below(4, random), kTexts[below(std::size(kTexts), random)]);
 }
 

@@ -26,21 +26,23 @@ std::string unpacked(const std::filesystem::path& path) {
 
 std::string laser_drive() {
   std::string bytes;
-  for (const auto& object : {Object(odometry(1.0, 1.0, 2.0, 0.3)), Object(scan(1.0)), Object(odometry(2.0, 1.5)),
-                             Object(scan(2.0))})
+  for (const auto& object :
+       {Object(odometry(1.0, 1.0, 2.0, 0.3)), Object(scan(1.0)), Object(odometry(2.0, 1.5)), Object(scan(2.0))})
     bytes += serialized(*object);
   return bytes;
 }
 
 std::string other_sensors() {
   mrpt::obs::CSensoryFrame frame;
-  frame.insert(scan(1.0));
+  frame.insert(scan(2.5));
   mrpt::obs::CObservationIMU inertial;
-  inertial.timestamp = at(1.1);
+  inertial.timestamp = at(2.6);
   inertial.sensorLabel = "IMU";
   mrpt::obs::CObservation3DRangeScan depth;
-  depth.timestamp = at(1.2);
+  depth.timestamp = at(2.7);
   depth.sensorLabel = "DEPTH";
+  depth.cameraParams.ncols = 5;
+  depth.cameraParams.nrows = 4;
   depth.hasRangeImage = true;
   depth.rangeImage.resize(4, 5);
   depth.rangeImage.fill(1000);

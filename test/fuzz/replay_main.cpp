@@ -1,5 +1,5 @@
-// A target as a program without libFuzzer: its seeds, then mutations of them for some seconds, the same ones in the same
-// order each time; or files that libFuzzer kept.
+// A target as a program without libFuzzer: its seeds, then mutations of them for some seconds, the same ones in the
+// same order each time; or files that libFuzzer kept.
 //   fuzz_NAME [SECONDS]      unless said otherwise MAPWEAVE_FUZZ_SECONDS of the environment, or 1
 //   fuzz_NAME FILE...
 // An input that ends the process is left in fuzz_NAME.input in the working folder.
@@ -30,9 +30,9 @@ constexpr bool kHasSanitizer = false;
 namespace mapweave::fuzz {
 namespace {
 
-constexpr unsigned kMostSeconds = 20;             // of one input
-constexpr rlim_t kMostMemory = rlim_t{2} << 30;   // of the process
-constexpr std::size_t kSmallestRounds = 50;       // of mutations, however slow they are
+constexpr unsigned kMostSeconds = 20;            // of one input
+constexpr rlim_t kMostMemory = rlim_t{2} << 30;  // of the process
+constexpr std::size_t kSmallestRounds = 50;      // of mutations, however slow they are
 
 std::string_view current;  // what is being decoded
 std::string kept_name;

@@ -19,7 +19,8 @@ std::string sound_bytes(const std::string& name) { return file_bytes(sound(name)
 
 // A folder whose recordings are sound and whose description is the input.
 void read_described(std::string_view bytes) {
-  if (!fs::exists(scratch_folder() / "split")) fs::copy(sound("split"), scratch_folder() / "split", fs::copy_options::recursive);
+  if (!fs::exists(scratch_folder() / "split"))
+    fs::copy(sound("split"), scratch_folder() / "split", fs::copy_options::recursive);
   scratch_file("split/metadata.yaml", bytes);
   read_log(scratch_folder() / "split");
 }
@@ -28,7 +29,8 @@ const std::vector<Kind>& kinds() {
   static const std::vector<Kind> all = {
       {[](std::string_view bytes) { read_log(scratch_file("input.mcap", bytes)); },
        {sound_bytes("none.mcap"), sound_bytes("lz4.mcap"), sound_bytes("zstd.mcap"), sound_bytes("unchunked.mcap"),
-        sound_bytes("no_summary.mcap"), sound_bytes("ros1.mcap"), sound_bytes("message_zstd_mcap/message_zstd_mcap.mcap")}},
+        sound_bytes("no_summary.mcap"), sound_bytes("ros1.mcap"),
+        sound_bytes("message_zstd_mcap/message_zstd_mcap.mcap")}},
       {[](std::string_view bytes) { read_log(scratch_file("input.db3", bytes)); },
        {sound_bytes("plain/plain.db3"), sound_bytes("message_zstd/message_zstd.db3")}},
       {read_described, {sound_bytes("split/metadata.yaml")}}};

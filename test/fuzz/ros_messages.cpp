@@ -172,13 +172,15 @@ Kind kind_of(MessageEncoding encoding, const std::vector<std::string>& chosen, s
 
 const std::vector<Kind>& kinds() {
   static const std::vector<Kind> all = {
-      kind_of(MessageEncoding::ros1, {}, laser_seeds()),
+      kind_of(MessageEncoding::ros1, {"/scan", "/odom", "/imu"}, laser_seeds()),
       kind_of(MessageEncoding::ros1, {"/echoes"}, {input_of({{1, echoes()}})}),
       kind_of(MessageEncoding::ros1, {"/points"}, {input_of({{2, cloud()}})}),
-      kind_of(MessageEncoding::ros1, {"/cam/image_raw", "/eye/image_raw/compressed", "/rgbd/depth/image_raw"},
+      kind_of(MessageEncoding::ros1,
+              {"/cam/image_raw", "/eye/image_raw/compressed", "/rgbd/rgb/image_raw", "/rgbd/depth/image_raw"},
               camera_seeds()),
-      kind_of(MessageEncoding::ros1, {"/rgbd/depth/image_raw/compressedDepth"}, {camera_seeds().back()}),
-      kind_of(MessageEncoding::cdr, {}, cdr_seeds()),
+      kind_of(MessageEncoding::ros1, {"/rgbd/rgb/image_raw", "/rgbd/depth/image_raw/compressedDepth"},
+              {camera_seeds().back()}),
+      kind_of(MessageEncoding::cdr, {"/scan"}, cdr_seeds()),
       kind_of(MessageEncoding::cdr, {"/points"}, {input_of({{2, std::string("\0\1\0\0", 4) + cloud()}})})};
   return all;
 }

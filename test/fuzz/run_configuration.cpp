@@ -13,9 +13,11 @@ std::vector<std::string> seeds() {
   all.robots.resize(1);
   all.robots[0].id = "alpha";
   all.robots[0].log = "alpha.rawlog";
-  return {"robots:\n  - {id: alpha, log: a.rawlog, edge: north}\n  - {id: beta, log: b.rawlog, start: {x_m: 1}}\n"
-          "edges: [{id: north}]\nmode: edge-cloud\nsensor: laser\nlaser:\n  engine: graph\nteam:\n  refuse: ['alpha,beta']\n",
-          to_yaml(all)};
+  return {
+      "robots:\n  - {id: alpha, log: a.rawlog, edge: north}\n  - {id: beta, log: b.rawlog, start: {x_m: 1}}\n"
+      "edges: [{id: north}]\nmode: edge-cloud\nsensor: laser\nlaser:\n  engine: graph\nteam:\n  refuse: "
+      "['alpha,beta']\n",
+      to_yaml(all)};
 }
 
 void decode(std::string_view bytes) {

@@ -2,9 +2,9 @@
 
 #include "fuzz_target.h"
 
+#include <exporters/small_map.h>
 #include <grey_image.h>
 #include <mapweave/exporters/map_server.h>
-#include <exporters/small_map.h>
 
 #include <opencv2/imgcodecs.hpp>
 

@@ -17,7 +17,6 @@ const SessionId kAlphaCamera{{RobotId("alpha"), SensorId("camera")}, 16000000000
 const SessionId kAlphaLaser{{RobotId("alpha"), SensorId("laser")}, 1600000000000000000},
     kBetaLaser{{RobotId("beta"), SensorId("laser")}, -5};
 
-
 inline DescribedLandmark landmark(std::mt19937_64& random, std::uint32_t index) {
   const auto draw = [&](double most) { return most * (2.0 * static_cast<double>(random() >> 11) * 0x1.0p-53 - 1.0); };
   DescribedLandmark result;
@@ -61,7 +60,8 @@ inline Share global_share() {
                                static_cast<std::uint16_t>(9 * i), 1, 3});
     features.descriptors.push_back({random(), random(), random(), random()});
   }
-  SharedKeyframe whole{{kAlphaCamera, 7}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}, 1.5, features, {}};
+  SharedKeyframe whole{
+      {kAlphaCamera, 7}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}, 1.5, features, {}};
   for (std::uint32_t i = 0; i < 10; ++i) whole.landmarks.push_back(landmark(random, 2 * i));
   SharedKeyframe light = whole;
   light.id.index = 8;
@@ -110,8 +110,8 @@ inline MergedMaps merged_maps() {
   match.is_observable = false;
   match.judgement = hash_of(7);
   merged.matches = {match};
-  merged.constraints = {planar_constraint({ConstraintKind::scan_match, {kAlphaLaser, 2}, {kBetaLaser, 0}, 1}, {0.1, 0.2, 0.3},
-                                          Eigen::Vector3d(1, 2, 3).asDiagonal())};
+  merged.constraints = {planar_constraint({ConstraintKind::scan_match, {kAlphaLaser, 2}, {kBetaLaser, 0}, 1},
+                                          {0.1, 0.2, 0.3}, Eigen::Vector3d(1, 2, 3).asDiagonal())};
   return merged;
 }
 

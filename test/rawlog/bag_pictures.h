@@ -7,8 +7,8 @@ namespace mapweave::rawlog {
 
 constexpr std::uint32_t kWidth = 4, kHeight = 2;
 
-inline BagEntry picture(const std::string& topic, double stamp_s, const std::string& encoding, const std::string& pixels,
-                 const std::string& frame = "optical") {
+inline BagEntry picture(const std::string& topic, double stamp_s, const std::string& encoding,
+                        const std::string& pixels, const std::string& frame = "optical") {
   MessageBytes bytes;
   bytes.header(stamp_s, frame).number(kHeight).number(kWidth).text(encoding).number(std::uint8_t{0});
   bytes.number(static_cast<std::uint32_t>(pixels.size() / kHeight)).text(pixels);

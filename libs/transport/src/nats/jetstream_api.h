@@ -17,8 +17,8 @@ int error_code_of(const nlohmann::json& answer);
 // What the server says of its error: its description, else its code.
 std::string error_text_of(const nlohmann::json& answer);
 
-// The message of a stream in the answer to STREAM.MSG.GET; nullopt: there is none, or no stream. Throws Error: kBadInput
-// where the broker refuses, kCorrupt for an answer that is none.
+// The message of a stream in the answer to STREAM.MSG.GET; nullopt: there is none, or no stream. Throws Error:
+// kBadInput where the broker refuses, kCorrupt for an answer that is none.
 std::optional<NatsBoard::Word> word_of(const nlohmann::json& answer, const std::string& where);
 
 }  // namespace mapweave::transport

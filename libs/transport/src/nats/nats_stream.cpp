@@ -41,8 +41,8 @@ std::uint64_t count_at(const Json& json, const char* key, std::uint64_t otherwis
 }
 
 [[noreturn]] void refused(NatsConnection& connection, const std::string& what, const Json& answer) {
-  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + error_text_of(answer), connection.state().server,
-              "see the broker's configuration and what else uses these names");
+  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + error_text_of(answer),
+              connection.state().server, "see the broker's configuration and what else uses these names");
 }
 
 std::optional<ConsumerState> consumer_state(const Json& answer) {
