@@ -47,7 +47,7 @@ endfunction()
 # mapweave_compile_quickly(TARGET <arguments of target_precompile_headers>): headers that nearly every source of a kind parses (1 to 3 s
 # each) are parsed once, and -O1 is enough: neither verbs nor tests are where time goes at run time. A third less to compile in them (DECISIONS 12).
 function(mapweave_compile_quickly target)
-  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1> -fpch-preprocess)   # the latter is for ccache
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1> $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)   # the latter is for ccache
   target_precompile_headers(${target} ${ARGN})
 endfunction()
 

@@ -120,6 +120,22 @@ TEST(UpdateJournal, refuses_what_is_none_and_what_is_damaged) {
   EXPECT_EQ(damage("other.mwj", "PRAGMA application_id = 7"), ErrorCode::kCorrupt);
 }
 
+TEST(UpdateJournal, makes_no_room_for_what_so_few_bytes_cannot_hold) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "large.mwj";
+  UpdateJournal(path).append({{session("alpha"), "small"}});
+  // The head of a zstd frame of 1 GiB, which the column beside it says too, and an empty block.
+  run_in(path, "UPDATE updates SET bytes = 1073741824, zstd = x'28b52ffde00000004000000000010000'");
+  try {
+    UpdateJournal journal(path);
+    all(journal);
+    ADD_FAILURE() << "it was read";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kCorrupt);
+    EXPECT_NE(std::string(error.what()).find("does not hold the 1073741824 bytes"), std::string::npos) << error.what();
+  }
+}
+
 // As code_of, of one that is only read.
 ErrorCode code_of_left(const std::filesystem::path& path) {
   try {

@@ -1,7 +1,8 @@
+#include "messages.h"
+
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
 #include <mapweave/maps/in_floats.h>
-#include <support/random_map.h>
 
 #include <Eigen/Eigenvalues>
 #include <cstring>
@@ -12,28 +13,10 @@ namespace mapweave {
 namespace {
 
 using test::RandomMaps;
+using test::scan_update;
 using ::testing::HasSubstr;
 
 Map map_of(const MapUpdate& update) { return updated({}, update); }
-
-MapUpdate some_update(std::uint64_t seed, std::uint32_t node_count) {
-  RandomMaps random(seed);
-  const Map map = random.map("alpha", node_count);
-  MapUpdate update = difference({}, map);
-  update.origin.tier = TierId("north");
-  update.sequence = 3;
-  update.base = 2;
-  const SessionId other{{RobotId("aa"), SensorId("front.laser")}, -5};
-  for (std::uint32_t i = 0; i < 3; ++i)
-    update.judgements.push_back(random.judgement({other, i}, {map.sessions().front(), 0}));
-  std::sort(update.judgements.begin(), update.judgements.end(),
-            [](const auto& a, const auto& b) { return a.id < b.id; });
-  update.moved = {{{other, 1}, random.pose()}, {{other, 4}, random.pose(true)}};
-  update.removed_nodes = {{other, 7}, {other, 8}};
-  update.removed_submaps = {{other, 0}};
-  update.removed_constraints = {{ConstraintKind::prior, {other, 7}, {other, 7}, 2}};
-  return update;
-}
 
 // Decodes what may be damaged: nothing but Error may come out of it.
 template <class Decode>
@@ -74,7 +57,7 @@ TEST(Codec, gives_maps_back_bit_for_bit) {
 }
 
 TEST(Codec, gives_every_list_of_an_update_back) {
-  const MapUpdate update = some_update(5, 30);
+  const MapUpdate update = scan_update(5, 30);
   const MapUpdate again = decode_map_update(encode(update), "here");
   EXPECT_EQ(encode(again), encode(update));
   EXPECT_EQ(again.origin.tier, TierId("north"));
@@ -88,7 +71,7 @@ TEST(Codec, gives_every_list_of_an_update_back) {
 }
 
 TEST(Codec, keeps_the_sign_of_zero_and_the_smallest_numbers) {
-  MapUpdate update = some_update(5, 3);
+  MapUpdate update = scan_update(5, 3);
   update.nodes[0].map_from_node.t = {-0.0, std::numeric_limits<double>::denorm_min(),
                                      std::numeric_limits<double>::max()};
   const MapUpdate again = decode_map_update(encode(update), "here");
@@ -96,7 +79,7 @@ TEST(Codec, keeps_the_sign_of_zero_and_the_smallest_numbers) {
 }
 
 TEST(Codec, writes_floats_where_they_say_the_same) {
-  MapUpdate update = some_update(5, 40);
+  MapUpdate update = scan_update(5, 40);
   const auto bytes_with = [&](bool in_floats) {
     update.in_floats = in_floats;
     return encode(update);
@@ -199,13 +182,13 @@ TEST(Codec, spends_little_on_a_planar_node_beside_its_ranges) {
 }
 
 TEST(Codec, notices_an_update_cut_at_any_byte) {
-  const std::string bytes = encode(some_update(4, 12));
+  const std::string bytes = encode(scan_update(4, 12));
   for (std::size_t size = 0; size < bytes.size(); ++size)
     ASSERT_TRUE(is_refused(decode_map_update, std::string_view(bytes).substr(0, size))) << size;
 }
 
 TEST(Codec, survives_any_flipped_bit) {
-  const std::string bytes = encode(some_update(4, 7));
+  const std::string bytes = encode(scan_update(4, 7));
   int refused = 0;
   for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     std::string damaged = bytes;
@@ -250,7 +233,7 @@ TEST(Codec, survives_bytes_of_nothing_in_particular) {
 }
 
 TEST(Codec, refuses_a_newer_form_and_says_so) {
-  std::string bytes = encode(some_update(4, 3));
+  std::string bytes = encode(scan_update(4, 3));
   ASSERT_EQ(bytes.substr(3 - (bytes[1] & 0x80 ? 0 : 1), 2), std::string("\x08\x01"))
       << "the header begins with its version";
   bytes[bytes.find('\x08') + 1] = 9;
@@ -265,7 +248,7 @@ TEST(Codec, refuses_a_newer_form_and_says_so) {
 }
 
 TEST(Codec, says_what_its_sender_has_forgotten_in_a_form_of_its_own) {
-  MapUpdate update = some_update(4, 3);
+  MapUpdate update = scan_update(4, 3);
   const std::string before = encode(update);
   const SessionId session = update.nodes.front().id.session;
   update.forgotten_nodes = {{session, 2}, {session, 7}};
@@ -282,7 +265,7 @@ TEST(Codec, says_what_its_sender_has_forgotten_in_a_form_of_its_own) {
 }
 
 TEST(Codec, names_the_byte_where_an_update_is_damaged) {
-  const std::string bytes = encode(some_update(4, 12));
+  const std::string bytes = encode(scan_update(4, 12));
   try {
     decode_map_update(std::string_view(bytes).substr(0, bytes.size() - 1), "team.mwdb");
     FAIL();
@@ -293,7 +276,7 @@ TEST(Codec, names_the_byte_where_an_update_is_damaged) {
 }
 
 TEST(Codec, normalises_a_quaternion_that_is_a_little_off) {
-  MapUpdate update = some_update(4, 3);
+  MapUpdate update = scan_update(4, 3);
   update.nodes[0].map_from_node.q.coeffs() *= 1.0 + 1e-8;
   const MapUpdate again = decode_map_update(encode(update), "here");
   EXPECT_NEAR(again.nodes[0].map_from_node.q.norm(), 1.0, 1e-15);
@@ -303,7 +286,7 @@ TEST(Codec, normalises_a_quaternion_that_is_a_little_off) {
 TEST(Codec, writes_nothing_that_could_not_be_read) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto refuses = [](const std::string& what, const std::function<void(MapUpdate&)>& spoil) {
-    MapUpdate update = some_update(4, 12);
+    MapUpdate update = scan_update(4, 12);
     spoil(update);
     EXPECT_THROW(encode(update), ContractViolation) << what;
   };

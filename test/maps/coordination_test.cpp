@@ -1,4 +1,5 @@
 #include "damage.h"
+#include "messages.h"
 
 #include <mapweave/maps/coordination.h>
 #include <mapweave/maps/receipt.h>
@@ -9,17 +10,7 @@
 namespace mapweave {
 namespace {
 
-MapReport small_report() {
-  MapReport report{RobotId("alpha"), 1200, {}};
-  report.summary.left = -3;
-  report.summary.bottom = 2;
-  report.summary.columns = 3;
-  report.summary.rows = 2;
-  using Cell = MapSummary::Cell;
-  report.summary.cells = {Cell::wall, Cell::free, Cell::unknown, Cell::free, Cell::free, Cell::wall};
-  report.summary.looks.push_back({-120, 55, {1, 2, 3}});
-  return report;
-}
+using test::small_report;
 
 template <class Event>
 Event sent(const Event& event) {

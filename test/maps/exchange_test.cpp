@@ -1,3 +1,5 @@
+#include "messages.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/maps/exchange.h>
 
@@ -7,40 +9,11 @@
 namespace mapweave {
 namespace {
 
-const SessionId kAlpha{{RobotId("alpha"), SensorId("camera")}, 1600000000000000000},
-    kBeta{{RobotId("beta"), SensorId("camera")}, 5};
-
-DescribedLandmark landmark(std::mt19937_64& random, std::uint32_t index) {
-  const auto draw = [&](double most) { return most * (2.0 * static_cast<double>(random() >> 11) * 0x1.0p-53 - 1.0); };
-  DescribedLandmark result;
-  result.id = {index % 2 == 0 ? kAlpha : kBeta, index};
-  result.point_in_map = {draw(50.0), draw(50.0), draw(3.0)};
-  result.descriptor = {random(), random(), random(), random()};
-  result.feature_from_point = {draw(0.02), draw(0.02), draw(0.02)};
-  result.direction = Eigen::Vector3d(draw(1.0), draw(1.0), draw(1.0)).normalized();
-  result.nearest_m = 0.5 + std::abs(draw(2.0));
-  result.farthest_m = result.nearest_m + std::abs(draw(5.0));
-  result.sigma_m = 0.01 + std::abs(draw(0.1));
-  return result;
-}
-
-Share share() {
-  std::mt19937_64 random(3);
-  Share result;
-  result.map = MapId("beta.camera");
-  for (std::uint32_t i = 0; i < 200; ++i) result.landmarks.push_back(landmark(random, i));
-  for (const auto& axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitZ()})
-    for (const double sign : {1.0, -1.0}) {
-      result.landmarks.push_back(landmark(random, 300));
-      result.landmarks.back().direction = sign * axis;
-    }
-  result.landmarks.push_back(landmark(random, 301));
-  result.landmarks.back().direction.setZero();
-  result.landmarks.back().farthest_m = result.landmarks.back().nearest_m = 0.0;
-  result.corrected.push_back({{kBeta, 4}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}});
-  result.scale = 1.25;
-  return result;
-}
+using test::global_share;
+using test::kAlphaCamera;
+using test::sensed;
+using test::share;
+using test::small_scan;
 
 TEST(Exchange, gives_a_share_back_to_what_its_form_holds) {
   const Share sent = share();
@@ -64,30 +37,6 @@ TEST(Exchange, gives_a_share_back_to_what_its_form_holds) {
     EXPECT_NEAR(one.sigma_m, other.sigma_m, 0.031 * other.sigma_m);
   }
   EXPECT_LT(static_cast<double>(bytes.size()) / static_cast<double>(sent.landmarks.size()), 80.0) << "small";
-}
-
-// With keyframes of others.
-Share global_share() {
-  std::mt19937_64 random(4);
-  Share result = share();
-  KeyframeFeatures features{
-      std::make_shared<const CameraGeometry>(CameraGeometry{320, 240, 260, 260, 160, 120, 0, 1.2, Pose3()}), {}, {}};
-  for (std::uint16_t i = 0; i < 40; ++i) {
-    features.points.push_back({static_cast<std::uint16_t>(16 * i), static_cast<std::uint16_t>(40 * i),
-                               static_cast<std::uint16_t>(9 * i), 1, 3});
-    features.descriptors.push_back({random(), random(), random(), random()});
-  }
-  SharedKeyframe whole{{kAlpha, 7}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}, 1.5, features, {}};
-  for (std::uint32_t i = 0; i < 10; ++i) whole.landmarks.push_back(landmark(random, 2 * i));
-  SharedKeyframe light = whole;
-  light.id.index = 8;
-  light.scale = 1.0;
-  light.features.reset();
-  light.landmarks.clear();
-  result.keyframes = {whole, light};
-  result.dropped = {{kAlpha, 3}, {{{RobotId("gamma"), SensorId("camera")}, 9}, 1}};
-  result.number = 4;
-  return result;
 }
 
 TEST(Exchange, gives_keyframes_of_others_back_and_light_ones_are_small) {
@@ -141,8 +90,8 @@ TEST(Exchange, refuses_keyframes_of_others_that_are_none) {
 
 TEST(Exchange, gives_the_other_messages_back) {
   const Hash vocabulary = Hasher().add("words").finish();
-  const Hello hello = decode_hello(encode(Hello{kAlpha, vocabulary}), "test");
-  EXPECT_EQ(hello.session, kAlpha);
+  const Hello hello = decode_hello(encode(Hello{kAlphaCamera, vocabulary}), "test");
+  EXPECT_EQ(hello.session, kAlphaCamera);
   EXPECT_EQ(hello.vocabulary, vocabulary);
 
   const ClientView view = decode_client_view(
@@ -192,16 +141,6 @@ TEST(Exchange, refuses_what_it_is_not) {
   nowhere = share();
   nowhere.corrected[0].map_from_node.t.x() = std::nan("");
   EXPECT_THROW(encode(nowhere), ContractViolation);
-}
-
-Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw, LostScan, MappedPart> body) {
-  return {RobotId("alpha"), 7, {123456789}, std::move(body)};
-}
-
-PackedScan small_scan() {
-  ScanGeometry geometry{-1.0, 0.5, 4, 30.0, 0.001, {}};
-  geometry.robot_from_laser.t = {0.1, 0.0, 0.3};
-  return {std::make_shared<const ScanGeometry>(geometry), {1000, 0, 2000, 29999}};
 }
 
 TEST(Exchange, keeps_what_robots_sense) {

@@ -1,6 +1,7 @@
+#include "messages.h"
+
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
-#include <support/random_map.h>
 
 #include <cstring>
 #include <functional>
@@ -10,22 +11,10 @@
 namespace mapweave {
 namespace {
 
+using test::keyframe_update;
+using test::of_a_client;
 using test::RandomMaps;
 using ::testing::HasSubstr;
-
-MapUpdate some_update(std::uint64_t seed, std::uint32_t node_count) {
-  RandomMaps random(seed);
-  const Map map = random.keyframe_map("alpha", node_count), beta = random.keyframe_map("beta", 2);
-  MapUpdate update = difference({}, map);
-  update.landmarks[1].seen.push_back(random.sighting(beta.nodes.front().first));
-  const SessionId session = map.nodes.front().first.session;
-  update.changed_landmarks = {
-      {{session, 500}, Eigen::Vector3i{1, -2147483647, 0}, {}},
-      {{session, 501}, std::nullopt, {random.sighting({session, 1}), random.sighting({session, 9})}},
-      {{session, 502}, Eigen::Vector3i{-3, 3, 70000}, {random.sighting(beta.nodes.front().first)}}};
-  update.removed_landmarks = {{session, 600}, {session, 601}};
-  return update;
-}
 
 bool is_refused(std::string_view bytes) {
   try {
@@ -48,7 +37,7 @@ void expect_same(const LandmarkSighting& a, const LandmarkSighting& b) {
 }
 
 TEST(KeyframeCodec, gives_keyframes_back_bit_for_bit) {
-  const MapUpdate update = some_update(1, 20), again = decode_map_update(encode(update), "here");
+  const MapUpdate update = keyframe_update(1, 20), again = decode_map_update(encode(update), "here");
   ASSERT_EQ(again.nodes.size(), update.nodes.size());
   std::set<const CameraGeometry*> cameras;
   for (std::size_t i = 0; i < update.nodes.size(); ++i) {
@@ -67,7 +56,7 @@ TEST(KeyframeCodec, gives_keyframes_back_bit_for_bit) {
 }
 
 TEST(KeyframeCodec, gives_landmarks_back_bit_for_bit) {
-  const MapUpdate update = some_update(2, 20), again = decode_map_update(encode(update), "here");
+  const MapUpdate update = keyframe_update(2, 20), again = decode_map_update(encode(update), "here");
   ASSERT_EQ(again.landmarks.size(), update.landmarks.size());
   for (std::size_t i = 0; i < update.landmarks.size(); ++i) {
     const Landmark &before = update.landmarks[i], &after = again.landmarks[i];
@@ -99,7 +88,7 @@ TEST(KeyframeCodec, gives_a_keyframe_without_features_back) {
 
 TEST(KeyframeCodec, takes_the_oldest_form_that_says_it_all) {
   EXPECT_EQ(version_of(difference({}, RandomMaps(1).map("alpha", 12))), 1U);
-  const MapUpdate update = some_update(1, 5);
+  const MapUpdate update = keyframe_update(1, 5);
   EXPECT_EQ(version_of(update), 2U);
   MapUpdate part;
   part.nodes = {update.nodes[3]};
@@ -114,7 +103,7 @@ TEST(KeyframeCodec, takes_the_oldest_form_that_says_it_all) {
 }
 
 TEST(KeyframeCodec, gives_sightings_of_borrowed_landmarks_back) {
-  MapUpdate update = some_update(1, 20);
+  MapUpdate update = keyframe_update(1, 20);
   update.borrowed = {update.changed_landmarks[1]};
   update.borrowed[0].id.session.client.robot = RobotId("beta");
   const MapUpdate again = decode_map_update(encode(update), "here");
@@ -148,23 +137,6 @@ TEST(KeyframeCodec, spends_forty_bytes_on_a_feature_and_little_on_a_light_keyfra
   EXPECT_LE(full, 500U * 40U + 100U);
   EXPECT_LE(45 * light, full);
   EXPECT_LE(45 * size_of(1, false), size_of(1, true)) << "also when it travels alone";
-}
-
-// As clients publish them: from above to below, in 0.001 / m and 64ths of a turn.
-MapUpdate of_a_client(std::uint64_t seed, std::uint32_t features) {
-  RandomMaps random(seed);
-  MapUpdate update;
-  update.origin = {TierId("alpha"), MapId("alpha")};
-  auto payload = random.keyframe(random.camera(), features);
-  KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*payload);
-  for (KeyframePoint& point : keyframe.points) {
-    point.angle &= 0xfc;
-    point.inverse_depth = static_cast<std::uint16_t>(point.inverse_depth / 8 & 0xfffc);
-  }
-  std::sort(keyframe.points.begin(), keyframe.points.end(), [](const auto& a, const auto& b) { return a.v < b.v; });
-  update.nodes = {
-      {{{{RobotId("alpha"), SensorId("camera")}, 1}, 0}, {}, random.pose(), std::make_shared<const Payload>(keyframe)}};
-  return update;
 }
 
 bool same_points(const MapUpdate& a, const MapUpdate& b) {
@@ -236,13 +208,13 @@ TEST(KeyframeCodec, spends_little_on_a_landmark) {
 }
 
 TEST(KeyframeCodec, notices_an_update_cut_at_any_byte) {
-  const std::string bytes = encode(some_update(4, 5));
+  const std::string bytes = encode(keyframe_update(4, 5));
   for (std::size_t size = 0; size < bytes.size(); ++size)
     ASSERT_TRUE(is_refused(std::string_view(bytes).substr(0, size))) << size;
 }
 
 TEST(KeyframeCodec, survives_any_flipped_bit) {
-  const std::string bytes = encode(some_update(4, 5));
+  const std::string bytes = encode(keyframe_update(4, 5));
   int refused = 0;
   for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     std::string damaged = bytes;
@@ -319,7 +291,7 @@ TEST_F(HandMadeUpdate, is_refused_when_counts_of_sightings_disagree) {
 TEST(KeyframeCodec, writes_nothing_that_could_not_be_read) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto refuses = [](const std::string& what, const std::function<void(MapUpdate&)>& spoil) {
-    MapUpdate update = some_update(4, 5);
+    MapUpdate update = keyframe_update(4, 5);
     EXPECT_NO_THROW(encode(update));
     spoil(update);
     EXPECT_THROW(encode(update), ContractViolation) << what;

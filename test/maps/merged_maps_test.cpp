@@ -1,4 +1,5 @@
 #include "damage.h"
+#include "messages.h"
 
 #include <mapweave/maps/merged_maps.h>
 
@@ -7,39 +8,8 @@
 namespace mapweave {
 namespace {
 
-const SessionId kAlpha{{RobotId("alpha"), SensorId("laser")}, 1600000000000000000},
-    kBeta{{RobotId("beta"), SensorId("laser")}, -5};
-
-Hash hash_of(std::uint8_t number) {
-  Hash hash;
-  hash.bytes[0] = number;
-  return hash;
-}
-
-MergedMaps merged_maps() {
-  MergedMaps merged;
-  merged.members = {MapId("alpha"), MapId("beta"), MapId("gamma")};
-  merged.merges.push_back({{MapId("alpha")}, {MapId("beta")}, 0.75, "corners"});
-  merged.merges.push_back({{MapId("gamma")}, {MapId("alpha"), MapId("beta")}, 1.0, "ring keys"});
-  Judgement judgement;
-  judgement.id = hash_of(7);
-  judgement.a = {kAlpha, 0};
-  judgement.b = {kBeta, 3};
-  judgement.probability = 0.9;
-  merged.judgements = {judgement};
-  MatchedSubmaps match;
-  match.from = {kBeta, 3};
-  match.to = {kAlpha, 0};
-  match.from_from_to = {1.5, -0.0, -3.0};
-  match.information << 4, 1, 0, 1, 5, 2, 0, 2, 6;
-  match.probability = 0.9;
-  match.is_observable = false;
-  match.judgement = hash_of(7);
-  merged.matches = {match};
-  merged.constraints = {planar_constraint({ConstraintKind::scan_match, {kAlpha, 2}, {kBeta, 0}, 1}, {0.1, 0.2, 0.3},
-                                          Eigen::Vector3d(1, 2, 3).asDiagonal())};
-  return merged;
-}
+using test::hash_of;
+using test::merged_maps;
 
 TEST(MergedMaps, come_back_as_they_were) {
   const MergedMaps sent = merged_maps(), back = decode_merged_maps(encode(sent), "test");

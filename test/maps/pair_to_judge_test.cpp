@@ -1,4 +1,5 @@
 #include "damage.h"
+#include "messages.h"
 
 #include <mapweave/maps/pair_to_judge.h>
 
@@ -8,14 +9,7 @@
 namespace mapweave {
 namespace {
 
-std::vector<PairToJudge> some_pairs() {
-  const SessionId alpha{{RobotId("alpha"), SensorId("laser")}, 1600000000000000000},
-      beta{{RobotId("beta"), SensorId("laser")}, -5};
-  PairToJudge both{MapId("alpha"), MapId("beta"), {}, true};
-  both.submaps.push_back({{beta, 3}, {alpha, 0}, {1.25, -2.5, 0.1}, 10.0, 3.14, false});
-  both.submaps.push_back({{alpha, 1}, {beta, 2}, {-0.0, 0.1, -3.0}, 2.5, 0.2, true});
-  return {both, {MapId("beta"), MapId("gamma"), {}, false}};
-}
+using test::some_pairs;
 
 TEST(PairToJudge, comes_back_as_it_was) {
   const auto sent = some_pairs(), back = decode_pairs_to_judge(encode(sent), "test");

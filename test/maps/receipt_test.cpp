@@ -1,4 +1,5 @@
 #include "damage.h"
+#include "messages.h"
 
 #include <mapweave/maps/exchange.h>
 #include <mapweave/maps/receipt.h>
@@ -8,9 +9,7 @@
 namespace mapweave {
 namespace {
 
-std::vector<Receipt> some_receipts() {
-  return {{{TierId("north"), MapId("alpha")}, 7, 9}, {{TierId(), MapId("beta.camera")}, 0, 0}};
-}
+using test::some_receipts;
 
 TEST(Receipts, come_back_as_they_were) {
   const auto back = decode_receipts(encode(some_receipts()), "test");

@@ -148,6 +148,29 @@ TEST_F(NatsStreamTest, makes_deleted_streams_and_consumers_anew) {
   EXPECT_TRUE(stream.ensure(10s));
 }
 
+// On the connection's thread, where nobody would catch what leaves it.
+TEST(NatsAnswers, are_refused_where_their_values_are_of_other_kinds) {
+  const auto answer = [](const char* json) {
+    NatsMessage message;
+    message.bytes = json;
+    return message;
+  };
+  for (const char* json : {"", "[]", "7", R"({"error": 7})", R"({"seq": "7"})", R"({"seq": -7})", R"({"seq": 1e300})",
+                           R"({"seq": 7, "duplicate": "no"})", R"({"error": {"err_code": "10077"}})",
+                           R"({"error": {"description": 7}})", R"({"error": {"err_code": 1e300, "code": []}})"}) {
+    EXPECT_EQ(publication_of(answer(json)).outcome, Outcome::refused) << json;
+    EXPECT_FALSE(consumer_state_of(answer(json))) << json;
+  }
+  const Publication full = publication_of(answer(R"({"error": {"err_code": 10077, "description": {}}})"));
+  EXPECT_EQ(full.outcome, Outcome::full);
+  EXPECT_EQ(full.reason, "error 10077");
+  for (const char* json :
+       {R"({"config": 7, "ack_floor": {"stream_seq": 5}, "delivered": {"stream_seq": 7}, "num_pending": 2})",
+        R"({"config": {}, "ack_floor": {"stream_seq": -5}, "delivered": {"stream_seq": 7}, "num_pending": 2})",
+        R"({"config": {}, "ack_floor": {"stream_seq": 5}, "delivered": {"stream_seq": 1e30}, "num_pending": 2})"})
+    EXPECT_FALSE(consumer_state_of(answer(json))) << json;
+}
+
 TEST_F(NatsStreamTest, says_what_the_broker_refuses) {
   Broker broker(options());
   const auto connection = connect(broker);

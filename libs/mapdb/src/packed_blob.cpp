@@ -10,6 +10,8 @@ namespace {
 
 constexpr int kLevel = 6;
 constexpr std::int64_t kMostBytes = std::int64_t{1} << 30;  // as the byte form's
+// What each byte can become: a block of zstd has 128 KiB at most and takes four bytes at least (RFC 8878, 3.1.1.2).
+constexpr std::int64_t kMostGrowth = std::int64_t{128} << 8;
 
 }  // namespace
 
@@ -42,7 +44,8 @@ std::string unpack(std::string_view zstd, std::int64_t bytes, const Hash& sha256
   if (bytes < 0 || bytes > kMostBytes)
     throw corrupt("a blob of " + std::to_string(bytes) + " bytes; 0 to " + std::to_string(kMostBytes) +
                   " are expected");
-  if (ZSTD_getFrameContentSize(zstd.data(), zstd.size()) != static_cast<unsigned long long>(bytes))
+  if (bytes / kMostGrowth > static_cast<std::int64_t>(zstd.size()) ||
+      ZSTD_getFrameContentSize(zstd.data(), zstd.size()) != static_cast<unsigned long long>(bytes))
     throw corrupt("a blob does not hold the " + std::to_string(bytes) + " bytes that it should");
   std::string plain(static_cast<std::size_t>(bytes), '\0');
   const std::size_t size = ZSTD_decompress(plain.data(), plain.size(), zstd.data(), zstd.size());

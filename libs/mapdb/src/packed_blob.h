@@ -21,8 +21,8 @@ std::string_view view_of(const Hash& hash);                     // must outlive 
 std::optional<Hash> hash_from_column(std::string_view column);  // nullopt: it is of another length
 
 PackedBlob pack(std::string_view plain);
-// Throws Error(kCorrupt) for what does not give `bytes` bytes of that hash. Allocates no more than that, and at most 1
-// GiB.
+// Throws Error(kCorrupt) for what does not give `bytes` bytes of that hash. Allocates no more than that, at most
+// 1 GiB, and no more than so many compressed bytes can hold.
 std::string unpack(std::string_view zstd, std::int64_t bytes, const Hash& sha256, const std::string& where);
 
 }  // namespace mapweave::mapdb

@@ -8,7 +8,17 @@ using Json = nlohmann::json;
 
 int error_code_of(const Json& answer) {
   if (!answer.is_object() || !answer.contains("error") || !answer["error"].is_object()) return 0;
-  return answer["error"].value("err_code", answer["error"].value("code", 1));
+  for (const char* key : {"err_code", "code"})
+    if (const auto code = answer["error"].find(key); code != answer["error"].end() && code->is_number_integer())
+      if (const int number = code->get<int>(); number != 0) return number;
+  return 1;
+}
+
+std::string error_text_of(const Json& answer) {
+  const std::string number = "error " + std::to_string(error_code_of(answer));
+  if (!answer.is_object() || !answer.contains("error") || !answer["error"].is_object()) return number;
+  const auto text = answer["error"].find("description");
+  return text != answer["error"].end() && text->is_string() ? text->get<std::string>() : number;
 }
 
 Json ask_jetstream(NatsConnection& connection, const std::string& subject, const Json& request,

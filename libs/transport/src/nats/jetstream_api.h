@@ -1,7 +1,7 @@
 #pragma once
 // Questions to the JSON API of JetStream.
 
-#include <mapweave/transport/nats_connection.h>
+#include <mapweave/transport/nats_board.h>
 
 #include <nlohmann/json.hpp>
 
@@ -11,7 +11,14 @@ namespace mapweave::transport {
 // kCorrupt for an answer that is not JSON.
 nlohmann::json ask_jetstream(NatsConnection& connection, const std::string& subject, const nlohmann::json& request,
                              std::chrono::milliseconds patience);
-// The server's error code (errors.json of nats-server) in an answer; 0: none.
+// The server's error code (errors.json of nats-server) in an answer; 0: none; 1: an error without a code. What kinds of
+// values stand in an answer is the other end's word alone: both take any.
 int error_code_of(const nlohmann::json& answer);
+// What the server says of its error: its description, else its code.
+std::string error_text_of(const nlohmann::json& answer);
+
+// The message of a stream in the answer to STREAM.MSG.GET; nullopt: there is none, or no stream. Throws Error:
+// kBadInput where the broker refuses, kCorrupt for an answer that is none.
+std::optional<NatsBoard::Word> word_of(const nlohmann::json& answer, const std::string& where);
 
 }  // namespace mapweave::transport

@@ -61,8 +61,7 @@ void NatsBoard::ensure(std::chrono::milliseconds patience) {
                        {"max_bytes", kMostBytes}};
   const Json made = ask_jetstream(*connection_, api_ + "STREAM.CREATE." + stream_, wanted, patience);
   if (const int code = error_code_of(made); code != 0 && code != kNameInUse)
-    throw Error(ErrorCode::kBadInput,
-                "the broker refuses stream '" + stream_ + "': " + made["error"].value("description", ""),
+    throw Error(ErrorCode::kBadInput, "the broker refuses stream '" + stream_ + "': " + error_text_of(made),
                 connection_->state().server, "see the broker's configuration");
 }
 
@@ -89,21 +88,24 @@ std::vector<NatsBoard::Word> NatsBoard::words(std::chrono::milliseconds patience
   return words;
 }
 
+std::optional<NatsBoard::Word> word_of(const Json& answer, const std::string& where) {
+  const int code = error_code_of(answer);
+  if (code == kMissingMessage || code == kMissingStream) return std::nullopt;
+  if (code != 0) throw Error(ErrorCode::kBadInput, "the broker refuses: " + error_text_of(answer), where);
+  try {
+    const Json& message = answer.at("message");
+    return NatsBoard::Word{decoded(message.value("data", ""), where), time_of(message.at("time"), where)};
+  } catch (const Json::exception&) {
+    throw Error(ErrorCode::kCorrupt, "the broker's answer holds no message", where);
+  }
+}
+
 std::optional<NatsBoard::Word> NatsBoard::last_on(const std::string& subject,
                                                   std::chrono::milliseconds patience) const {
   const std::string where = connection_->state().server;
   const Json answer =
       ask_jetstream(*connection_, api_ + "STREAM.MSG.GET." + stream_, {{"last_by_subj", subject}}, patience);
-  const int code = error_code_of(answer);
-  if (code == kMissingMessage || code == kMissingStream) return std::nullopt;
-  if (code != 0)
-    throw Error(ErrorCode::kBadInput, "the broker refuses: " + answer["error"].value("description", ""), where);
-  try {
-    const Json& message = answer.at("message");
-    return Word{decoded(message.value("data", ""), where), time_of(message.at("time"), where)};
-  } catch (const Json::exception&) {
-    throw Error(ErrorCode::kCorrupt, "the broker's answer holds no message", where);
-  }
+  return word_of(answer, where);
 }
 
 }  // namespace mapweave::transport

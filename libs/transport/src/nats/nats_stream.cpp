@@ -22,10 +22,6 @@ std::string api_of(const std::string& domain, const std::string& what) {
   return (domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") + what;
 }
 
-std::string words_of(const Json& answer) {
-  return answer["error"].value("description", "error " + std::to_string(error_code_of(answer)));
-}
-
 // What a broker's answer says; hostile as all that comes.
 template <class Use>
 auto read(const Json& answer, const Use& use) -> std::optional<decltype(use(answer))> {
@@ -36,20 +32,28 @@ auto read(const Json& answer, const Use& use) -> std::optional<decltype(use(answ
   }
 }
 
+// A number of messages, or of one; throws Json::exception for what is none.
+std::uint64_t count_at(const Json& json, const char* key) {
+  return json.at(key).get_ref<const Json::number_unsigned_t&>();
+}
+std::uint64_t count_at(const Json& json, const char* key, std::uint64_t otherwise) {
+  return json.contains(key) ? count_at(json, key) : otherwise;
+}
+
 [[noreturn]] void refused(NatsConnection& connection, const std::string& what, const Json& answer) {
-  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + words_of(answer), connection.state().server,
-              "see the broker's configuration and what else uses these names");
+  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + error_text_of(answer),
+              connection.state().server, "see the broker's configuration and what else uses these names");
 }
 
 std::optional<ConsumerState> consumer_state(const Json& answer) {
   if (error_code_of(answer) != 0) return std::nullopt;
   return read(answer, [](const Json& json) {
     // Of a consumer that was made again the server says 0 until something is acknowledged.
-    const std::uint64_t from = json.at("config").value("opt_start_seq", std::uint64_t{1});
-    const std::uint64_t acknowledged = json.at("ack_floor").at("stream_seq");
+    const std::uint64_t from = count_at(json.at("config"), "opt_start_seq", 1);
+    const std::uint64_t acknowledged = count_at(json.at("ack_floor"), "stream_seq");
     return ConsumerState{std::max(acknowledged, from - std::min<std::uint64_t>(from, 1)),
-                         json.at("delivered").at("stream_seq"), json.at("num_pending"),
-                         json.value("num_waiting", std::uint64_t{0})};
+                         count_at(json.at("delivered"), "stream_seq"), count_at(json, "num_pending"),
+                         count_at(json, "num_waiting", 0)};
   });
 }
 
@@ -61,11 +65,11 @@ Publication publication_of(const NatsMessage& answer) {
   const Json json = Json::parse(answer.bytes, nullptr, false);
   if (const int code = error_code_of(json); code != 0) {
     for (const int full : kFull)
-      if (code == full) return {Outcome::full, 0, false, words_of(json)};
-    return {code == kStreamMissing ? Outcome::no_stream : Outcome::refused, 0, false, words_of(json)};
+      if (code == full) return {Outcome::full, 0, false, error_text_of(json)};
+    return {code == kStreamMissing ? Outcome::no_stream : Outcome::refused, 0, false, error_text_of(json)};
   }
   const auto stored = read(json, [](const Json& one) {
-    return Publication{Outcome::stored, one.at("seq"), one.value("duplicate", false), {}};
+    return Publication{Outcome::stored, count_at(one, "seq"), one.value("duplicate", false), {}};
   });
   return stored ? *stored : Publication{Outcome::refused, 0, false, "an answer that is none"};
 }
@@ -122,7 +126,8 @@ std::optional<StreamState> NatsStream::state(milliseconds patience) const {
   if (error_code_of(answer) != 0) refused(*connection_, "stream '" + options_.name + "'", answer);
   return read(answer, [](const Json& json) {
     const Json& state = json.at("state");
-    return StreamState{state.at("messages"), state.at("bytes"), state.at("first_seq"), state.at("last_seq")};
+    return StreamState{count_at(state, "messages"), count_at(state, "bytes"), count_at(state, "first_seq"),
+                       count_at(state, "last_seq")};
   });
 }
 
