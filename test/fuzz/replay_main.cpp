@@ -53,6 +53,15 @@ void decode_watched(std::string_view bytes) {
   ::alarm(0);
 }
 
+std::string answer_to(std::string_view bytes) {
+  try {
+    decode(bytes);
+    return "decoded";
+  } catch (const Error& error) {
+    return std::string("refused: ") + error.what();
+  }
+}
+
 void replay(double seconds) {
   using Clock = std::chrono::steady_clock;
   const auto began = Clock::now();
@@ -92,7 +101,7 @@ int run(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string bytes = file_bytes(argv[i]);
     decode_watched(bytes);
-    std::printf("%s: decoded or refused\n", argv[i]);
+    std::printf("%s: %s\n", argv[i], answer_to(bytes).c_str());
   }
   return 0;
 }

@@ -79,6 +79,7 @@ class InputBag : public ros::BagReader {
 void read(std::string_view input, MessageEncoding encoding, const std::vector<std::string>& chosen) {
   ReadOptions options;
   options.topics = chosen;
+  if (encoding == MessageEncoding::cdr) options.robot_frame = "laser";  // of the recording that the seeds are from
   const auto source = ros::open_bag_source(std::make_unique<InputBag>(input, encoding), kWhere, options);
   std::vector<PlacedRecord> records;
   while (source->read(records)) {
@@ -136,10 +137,12 @@ std::string compressed(const std::string& format, const std::string& extension, 
       .bytes();
 }
 
+std::string links() { return bag_transforms(100.0, {{"base_link", "laser", spatial(Pose2(0.2, 0.1, 0.0))}}).data; }
+
 std::vector<std::string> laser_seeds() {
-  const std::string links = bag_transforms(100.0, {{"base_link", "laser", spatial(Pose2(0.2, 0.1, 0.0))}}).data;
-  return {input_of({{6, links}, {3, bag_odometry(100.0, 1, 2, 0.1).data}, {0, bag_scan(100.0).data}, {4, inertial()}}),
-          input_of({{5, links}, {0, bag_scan(100.0).data}, {0, bag_scan(100.1).data}})};
+  return {
+      input_of({{6, links()}, {3, bag_odometry(100.0, 1, 2, 0.1).data}, {0, bag_scan(100.0).data}, {4, inertial()}}),
+      input_of({{5, links()}, {0, bag_scan(100.0).data}, {0, bag_scan(100.1).data}})};
 }
 
 std::vector<std::string> camera_seeds() {
@@ -173,15 +176,14 @@ Kind kind_of(MessageEncoding encoding, const std::vector<std::string>& chosen, s
 const std::vector<Kind>& kinds() {
   static const std::vector<Kind> all = {
       kind_of(MessageEncoding::ros1, {"/scan", "/odom", "/imu"}, laser_seeds()),
-      kind_of(MessageEncoding::ros1, {"/echoes"}, {input_of({{1, echoes()}})}),
-      kind_of(MessageEncoding::ros1, {"/points"}, {input_of({{2, cloud()}})}),
+      kind_of(MessageEncoding::ros1, {"/echoes"}, {input_of({{6, links()}, {1, echoes()}})}),
+      kind_of(MessageEncoding::ros1, {"/points"}, {input_of({{6, links()}, {2, cloud()}})}),
       kind_of(MessageEncoding::ros1,
               {"/cam/image_raw", "/eye/image_raw/compressed", "/rgbd/rgb/image_raw", "/rgbd/depth/image_raw"},
               camera_seeds()),
       kind_of(MessageEncoding::ros1, {"/rgbd/rgb/image_raw", "/rgbd/depth/image_raw/compressedDepth"},
               {camera_seeds().back()}),
-      kind_of(MessageEncoding::cdr, {"/scan"}, cdr_seeds()),
-      kind_of(MessageEncoding::cdr, {"/points"}, {input_of({{2, std::string("\0\1\0\0", 4) + cloud()}})})};
+      kind_of(MessageEncoding::cdr, {"/scan"}, cdr_seeds())};
   return all;
 }
 

@@ -22,7 +22,7 @@ const std::vector<Kind>& kinds() {
       {[](std::string_view bytes) { parse_trajectory("0 0 1 1 -1 0 0 2 0 -1 0 3\n", kWhere, bytes); }, {"1.5\n"}},
       {[](std::string_view bytes) { parse_relations(bytes, kWhere); }, {"1.5 2.5 1 2 0 0 0 0.5\n"}},
       {[](std::string_view bytes) { transport::read_link_trace(scratch_file("link.csv", bytes), {}); },
-       {"time_s,bytes_per_s,delay_s,loss\n0,1e6,0.02,0\n5,2.5e5,0.1,0.01\n"}}};
+       {"0,1e6,0.02,0,0\n5,2.5e5,0.1,0.01,0.01\n"}}};
   return all;
 }
 

@@ -3,6 +3,7 @@
 
 #include "logs.h"
 
+#include <mrpt/obs/CObservationBeaconRanges.h>
 #include <mrpt/obs/CSensoryFrame.h>
 
 #include <zlib.h>
@@ -213,6 +214,53 @@ TEST(Damage, sizes_that_cannot_be_are_refused_before_any_room_is_made) {
   EXPECT_THAT(huge.error->where(), HasSubstr("at byte " + std::to_string(place + 4)));
   const auto large = read_all(write_bytes(folder / "large.rawlog", with_rays(std::string("\0\0\x40\0", 4))));
   EXPECT_THAT(large.error, IsError(ErrorCode::kCorrupt, "cut short"));
+}
+
+// A motion whose estimate is said to be an object of another class: MRPT would make its room.
+std::string motion_by(char version, const std::string& estimate) {
+  return "\x96"
+         "CActionRobotMovement2D" +
+         (version + std::string("\1\0\0\0", 4)) + estimate + std::string(100, '\0');
+}
+
+TEST(Damage, a_motion_is_estimated_by_nothing_that_could_take_any_room) {
+  const TemporaryFolder folder;
+  const auto error_of = [&](char version, const std::string& estimate) {
+    return read_all(write_bytes(folder / "a.rawlog", motion_by(version, estimate))).error;
+  };
+  const std::string matrix = std::string(
+                                 "\x88"
+                                 "CMatrixD\0",
+                                 10) +
+                             std::string("\4\0\0\0\0\x40\x44\6", 8);
+  EXPECT_THAT(error_of(1, matrix), IsError(ErrorCode::kCorrupt, "its version 1 is not known"));
+  EXPECT_THAT(error_of(7, matrix), IsError(ErrorCode::kCorrupt, "a matrix of 4 x 105136128"));
+  const std::string particles = std::string(
+      "\x91"
+      "CPosePDFParticles\1\xff\xff\xff\xff",
+      23);
+  EXPECT_THAT(error_of(7, particles), IsError(ErrorCode::kCorrupt, "announces 4294967295 particles"));
+  EXPECT_THAT(error_of(7, std::string("\x8c"
+                                      "CPosePDFGrid\0",
+                                      14)),
+              IsError(ErrorCode::kCorrupt, "class 'CPosePDFGrid' and version 0, which is not known there"));
+}
+
+TEST(Damage, an_object_that_is_not_known_hides_none_behind_it) {
+  const TemporaryFolder folder;
+  mrpt::obs::CSensoryFrame frame;
+  const auto beacons = std::make_shared<mrpt::obs::CObservationBeaconRanges>();
+  beacons->timestamp = at(1.0);
+  beacons->sensorLabel = "BEACONS";
+  frame.insert(beacons);
+  frame.insert(scan(1.0));
+  std::string bytes = serialized(frame);
+  EXPECT_EQ(kinds(read_all(write_bytes(folder / "whole.rawlog", bytes)).records), "?s");
+  const auto place = bytes.find(std::string("\x05\0\0\0\0\0\x80\x3f", 8));
+  ASSERT_NE(place, std::string::npos);
+  bytes.replace(place, 4, "\xff\xff\xff\xff");
+  EXPECT_THAT(read_all(write_bytes(folder / "rays.rawlog", bytes)).error,
+              IsError(ErrorCode::kCorrupt, "announces 4294967295 rays"));
 }
 
 TEST(Damage, an_object_beyond_the_limit_is_refused) {

@@ -149,16 +149,24 @@ class Walker : ObjectBytes {
 
   ObjectHeader walk() {
     ObjectHeader found = header();
-    object(found, 0, 0);
+    found.is_known = object(found, 0, 0);
     return found;
   }
 
  private:
-  bool nested(std::size_t depth) {
+  // What a frame or collection holds: false where its layout is not known here.
+  bool nested(std::size_t depth, bool must_be_known = false) {
     if (depth >= kDeepest) throw corrupt("objects are nested deeper than " + std::to_string(kDeepest));
     const std::size_t start = at_;
-    return object(header(), start, depth + 1);
+    const ObjectHeader found = header();
+    const bool is_known = object(found, start, depth + 1);
+    if (!is_known && must_be_known)
+      throw corrupt("holds an object of class '" + std::string(found.class_name()) + "' and version " +
+                    std::to_string(found.version) + ", which is not known there");
+    return is_known;
   }
+  // What an object that is known here is made of: MRPT would believe the lengths of whatever stands in its place.
+  void part(std::size_t depth) { nested(depth, true); }
 
   // False where the walk met a class or version whose layout is not known here: nothing is said about what follows.
   bool object(const ObjectHeader& object_header, std::size_t start, std::size_t depth) {
@@ -190,7 +198,10 @@ class Walker : ObjectBytes {
         throw corrupt("its version " + std::to_string(version) + " is not known");
       return name == "CSensoryFrame" ? frame(version, depth) : objects(depth);
     }
-    if (name == "CActionRobotMovement2D") return version >= 5 && version <= 7 && movement(version, depth);
+    if (name == "CActionRobotMovement2D") {
+      if (version < 5 || version > 7) throw corrupt("its version " + std::to_string(version) + " is not known");
+      return movement(version, depth);
+    }
     if (name == "CObservationComment") return version == 0 && text() && skip(8);
     if (name == "CImage") return image(version);
     if (name == "CObservationImage") return version <= 4 && picture(version, depth);
@@ -202,14 +213,18 @@ class Walker : ObjectBytes {
     if (name == "CPose3DQuat") return version == 0 && skip(7 * 8);
     if (name == "CPose2D") return version == 1 && skip(3 * 8);
     if (name == "CPose3D") return pose3(version, depth);
+    if (name == "CPosePDFGaussian") return version == 2 && gaussian(depth);
+    if (name == "CPosePDFGaussianInf") return version == 0 && skip(3 * 8 + 6 * 8);
+    if (name == "CPosePDFParticles") return version == 1 && particles();
+    if (name == "CPosePDFSOG") return version == 2 && gaussians(depth);
     if (name == "CMatrixD" || name == "CMatrixF") return version == 0 && matrix(name == "CMatrixD" ? 8 : 4);
     return std::nullopt;
   }
 
   bool scan(int version, std::size_t depth) {
     skip(4 + 1 + 4);  // aperture, direction, maximum
-    if (!nested(depth)) return false;
-    if (version < 6 && !nested(depth)) return false;
+    part(depth);
+    if (version < 6) part(depth);
     const auto rays = number<std::uint32_t>();
     array(rays, 4 + 1, "rays");
     skip(4 + 8 + 4);  // range deviation, stamp, beam width
@@ -221,13 +236,30 @@ class Walker : ObjectBytes {
     return true;
   }
   bool odometry(int version, std::size_t depth) {
-    if (!nested(depth)) return false;
+    part(depth);
     text();
     skip(8);
     if (version == 1) skip(1 + 8 + 1 + 8);
     if (version == 2) {
       if (number<std::uint8_t>() != 0) skip(8);
       if (number<std::uint8_t>() != 0) skip(3 * 8);
+    }
+    return true;
+  }
+  bool gaussian(std::size_t depth) {
+    part(depth);
+    return skip(6 * 8);  // the covariance, which is symmetric
+  }
+  bool particles() {
+    array(number<std::uint32_t>(), 8 + 3 * 8, "particles");
+    return true;
+  }
+  bool gaussians(std::size_t depth) {
+    const auto count = number<std::uint32_t>();
+    array(count, 8 + 6 * 8, "Gaussians", false);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      skip(8);  // its weight
+      gaussian(depth);
     }
     return true;
   }
@@ -246,7 +278,7 @@ class Walker : ObjectBytes {
   }
   bool movement(int version, std::size_t depth) {
     const auto method = number<std::int32_t>();
-    if (!nested(depth)) return false;
+    part(depth);
     if (method == 0) {  // from odometry: the motion model stands here
       skip(4 + 6 * 4);
       const auto particles = number<std::uint32_t>();
@@ -294,9 +326,9 @@ class Walker : ObjectBytes {
     skip(8 + (version >= 3 ? 8 : 5) * 8);
     if (version >= 4)
       skip(4 * 8);
-    else if (!nested(depth))
-      return false;
-    if (version == 0 && !nested(depth)) return false;
+    else
+      part(depth);
+    if (version == 0) part(depth);
     if (version >= 2) skip(2 * 4);
     if (version >= 5) text();
     return version < 6 || skip(1);
@@ -304,7 +336,7 @@ class Walker : ObjectBytes {
   bool picture(int version, std::size_t depth) {
     for (int i = version >= 4 ? 3 : 4; i > 0;
          --i) {  // pose, calibration (of two matrices in the older versions), picture
-      if (!nested(depth)) return false;
+      part(depth);
     }
     if (version >= 1) skip(8);
     if (version == 2 || version == 3) skip(8);
@@ -312,30 +344,30 @@ class Walker : ObjectBytes {
   }
   bool stereo(int version, std::size_t depth) {
     for (int i = version >= 5 ? 4 : 3; i > 0; --i) {  // pose, calibrations, left picture
-      if (!nested(depth)) return false;
+      part(depth);
     }
     const bool has_disparity = version >= 6 && flag(), has_right = version < 6 || flag();
-    if (has_right && !nested(depth)) return false;
-    if (has_disparity && !nested(depth)) return false;
+    if (has_right) part(depth);
+    if (has_disparity) part(depth);
     if (version >= 1) skip(8);
-    if (version >= 2 && !nested(depth)) return false;
+    if (version >= 2) part(depth);
     if (version == 3 || version == 4) skip(8);
     return version < 4 || text();
   }
   bool depth_scan(int version, std::size_t depth) {
     skip(4);  // maximum
-    if (!nested(depth)) return false;
+    part(depth);
     if (version == 0 || flag()) array(number<std::uint32_t>(), version == 0 ? 13 : version < 8 ? 12 : 16, "points");
     if (version >= 1) {
       const bool has_ranges = flag();
       if (version >= 9) skip(4);
-      if (has_ranges && version < 9 && !nested(depth)) return false;
+      if (has_ranges && version < 9) part(depth);
       if (has_ranges && version >= 9) cells();
       for (int i = 0; i < 2; ++i) {  // intensity, confidence
-        if (flag() && !nested(depth)) return false;
+        if (flag()) part(depth);
       }
       for (int i = version >= 4 ? 3 : version >= 2 ? 1 : 0; i > 0; --i) {  // calibrations, pose
-        if (!nested(depth)) return false;
+        part(depth);
       }
     }
     skip(4 + 8);
@@ -356,7 +388,7 @@ class Walker : ObjectBytes {
     return true;
   }
   bool imu(int version, std::size_t depth) {
-    if (!nested(depth)) return false;
+    part(depth);
     const std::size_t fields = mrpt::obs::COUNT_IMU_DATA_FIELDS;
     if (version == 4) return skip(fields + 8 + 8 * fields) && text();
     bytes_counted();
@@ -367,11 +399,14 @@ class Walker : ObjectBytes {
   bool satellites(std::size_t depth) {
     skip(2 * 8);
     text();
-    nested(depth);
+    part(depth);
     return false;  // then come messages of many kinds
   }
   bool pose3(int version, std::size_t depth) {
-    if (version <= 1) return nested(depth);
+    if (version <= 1) {
+      part(depth);
+      return true;
+    }
     return version == 2 ? skip(7 * 8) : version == 3 && skip(12 * 8);
   }
 };

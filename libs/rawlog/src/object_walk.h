@@ -15,6 +15,7 @@ struct ObjectHeader {
   std::size_t name_length = 0;
   int version = -1;          // -1: the null object
   bool has_end_flag = true;  // absent before MRPT 0.5.5
+  bool is_known = false;     // every length in it was held against the file
 
   std::size_t bytes() const { return has_end_flag ? 1 + name_length + (version < 0 ? 0 : 1) : 4 + name_length + 4; }
   std::string_view short_name() const {
@@ -27,9 +28,10 @@ struct ObjectHeader {
 };
 
 // Throws Error: kCorrupt for sizes that cannot be, an object that the file does not hold whole or that lacks its end
-// flag; kUnsupported for a class that MRPT does not know, here or within. Classes other than laser scans, odometry,
-// actions, sensory frames and comments are looked at no further than their name. `most_bytes`: an object that announces
-// more is damage.
+// flag, and for a part of another class than it is made of; kUnsupported for a class that MRPT does not know, here or
+// within. Observations of other classes than lasers, odometry, cameras, inertial units and comments are looked at no
+// further than their name (is_known): MRPT takes room for whatever they announce. `most_bytes`: an object that
+// announces more is damage.
 ObjectHeader check_object(ByteSource& source, std::uint64_t most_bytes);
 
 }  // namespace mapweave::rawlog

@@ -123,8 +123,10 @@ class RawlogReader final : public RecordSource {
   // The objects of a collection or a frame, one by one: MRPT itself dereferences a null among them.
   std::vector<Object> read_objects(const ObjectHeader& header, std::uint64_t place) {
     std::vector<Object> objects;  // grows as they come: the number may be damaged
-    for (auto left = take<std::uint32_t>(header, place); left > 0; --left)
+    for (auto left = take<std::uint32_t>(header, place); left > 0; --left) {
+      if (!header.is_known) check_object(*bytes_, most_bytes_);  // one that is not known hid those behind it
       objects.push_back(read_object(header, place));
+    }
     if (header.has_end_flag && take<std::uint8_t>(header, place) != kEndFlag)
       throw corrupt(header, place, "its end flag is missing");
     return objects;

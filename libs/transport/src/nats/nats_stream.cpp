@@ -37,7 +37,7 @@ std::uint64_t count_at(const Json& json, const char* key) {
   return json.at(key).get_ref<const Json::number_unsigned_t&>();
 }
 std::uint64_t count_at(const Json& json, const char* key, std::uint64_t otherwise) {
-  return json.contains(key) ? count_at(json, key) : otherwise;
+  return json.is_object() && !json.contains(key) ? otherwise : count_at(json, key);
 }
 
 [[noreturn]] void refused(NatsConnection& connection, const std::string& what, const Json& answer) {
