@@ -135,6 +135,39 @@ class ObjectBytes {
     array(rows * columns, cell_bytes, "cells");
     return true;
   }
+  bool particles() {
+    array(number<std::uint32_t>(), 8 + 3 * 8, "particles");
+    return true;
+  }
+  // MRPT's version 0 reads pixels past the room that it made for them.
+  bool image(int version) {
+    if (version == 0 || (version > 9 && version != 100))
+      throw corrupt("its version " + std::to_string(version) + " is not known");
+    if (version >= 6 && flag()) return text();
+    if (version == 100) throw corrupt("a picture outside the log was expected");
+    if (version == 1) return jpeg();
+    if (flag()) {  // colour
+      if (version < 7) return jpeg();
+      const auto width = number<std::int32_t>(), height = number<std::int32_t>();
+      if (width > 0 && height > 0) return pixels(width, height, 3) && jpeg();
+      if (width < 0 && height < 0) return pixels(-std::int64_t{width}, -std::int64_t{height}, 3) && skip(pixel_bytes_);
+      return pixels(width, height, 3);
+    }
+    const auto width = number<std::int32_t>(), height = number<std::int32_t>();
+    skip(4);  // origin
+    const auto announced = number<std::uint32_t>();
+    constexpr std::array<std::size_t, 7> kDepthBytes{1, 1, 2, 2, 4, 4, 8};
+    const auto kind = version >= 9 ? number<std::uint32_t>() : 0;
+    if (kind >= kDepthBytes.size()) throw corrupt("announces pixels of the unknown kind " + std::to_string(kind));
+    pixels(width, height, kDepthBytes[kind]);
+    const bool is_packed = version == 3 || (version == 4 && announced > 16 * 1024) || (version >= 5 && flag());
+    if (is_packed) return bytes_counted();
+    if (announced != pixel_bytes_)
+      throw corrupt("announces " + std::to_string(announced) + " bytes for " + std::to_string(width) + " x " +
+                    std::to_string(height) + " pixels");
+    array(announced, 1, "bytes");
+    return true;
+  }
 
   ByteSource& source_;
   std::uint64_t most_bytes_;
@@ -250,10 +283,6 @@ class Walker : ObjectBytes {
     part(depth);
     return skip(6 * 8);  // the covariance, which is symmetric
   }
-  bool particles() {
-    array(number<std::uint32_t>(), 8 + 3 * 8, "particles");
-    return true;
-  }
   bool gaussians(std::size_t depth) {
     const auto count = number<std::uint32_t>();
     array(count, 8 + 6 * 8, "Gaussians", false);
@@ -292,35 +321,6 @@ class Walker : ObjectBytes {
       if (number<std::uint8_t>() != 0) skip(8);
     }
     return version < 6 || skip(8);
-  }
-  // MRPT's version 0 reads pixels past the room that it made for them.
-  bool image(int version) {
-    if (version == 0 || (version > 9 && version != 100))
-      throw corrupt("its version " + std::to_string(version) + " is not known");
-    if (version >= 6 && flag()) return text();
-    if (version == 100) throw corrupt("a picture outside the log was expected");
-    if (version == 1) return jpeg();
-    if (flag()) {  // colour
-      if (version < 7) return jpeg();
-      const auto width = number<std::int32_t>(), height = number<std::int32_t>();
-      if (width > 0 && height > 0) return pixels(width, height, 3) && jpeg();
-      if (width < 0 && height < 0) return pixels(-std::int64_t{width}, -std::int64_t{height}, 3) && skip(pixel_bytes_);
-      return pixels(width, height, 3);
-    }
-    const auto width = number<std::int32_t>(), height = number<std::int32_t>();
-    skip(4);  // origin
-    const auto announced = number<std::uint32_t>();
-    constexpr std::array<std::size_t, 7> kDepthBytes{1, 1, 2, 2, 4, 4, 8};
-    const auto kind = version >= 9 ? number<std::uint32_t>() : 0;
-    if (kind >= kDepthBytes.size()) throw corrupt("announces pixels of the unknown kind " + std::to_string(kind));
-    pixels(width, height, kDepthBytes[kind]);
-    const bool is_packed = version == 3 || (version == 4 && announced > 16 * 1024) || (version >= 5 && flag());
-    if (is_packed) return bytes_counted();
-    if (announced != pixel_bytes_)
-      throw corrupt("announces " + std::to_string(announced) + " bytes for " + std::to_string(width) + " x " +
-                    std::to_string(height) + " pixels");
-    array(announced, 1, "bytes");
-    return true;
   }
   bool camera(int version, std::size_t depth) {
     skip(8 + (version >= 3 ? 8 : 5) * 8);
