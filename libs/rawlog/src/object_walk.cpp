@@ -135,6 +135,11 @@ class ObjectBytes {
     array(rows * columns, cell_bytes, "cells");
     return true;
   }
+  bool particles() {
+    array(number<std::uint32_t>(), 8 + 3 * 8, "particles");
+    return true;
+  }
+  // MRPT's version 0 reads pixels past the room that it made for them.
   bool image(int version) {
     if (version == 0 || (version > 9 && version != 100))
       throw corrupt("its version " + std::to_string(version) + " is not known");
@@ -278,10 +283,6 @@ class Walker : ObjectBytes {
     part(depth);
     return skip(6 * 8);  // the covariance, which is symmetric
   }
-  bool particles() {
-    array(number<std::uint32_t>(), 8 + 3 * 8, "particles");
-    return true;
-  }
   bool gaussians(std::size_t depth) {
     const auto count = number<std::uint32_t>();
     array(count, 8 + 6 * 8, "Gaussians", false);
@@ -321,7 +322,6 @@ class Walker : ObjectBytes {
     }
     return version < 6 || skip(8);
   }
-  // MRPT's version 0 reads pixels past the room that it made for them.
   bool camera(int version, std::size_t depth) {
     skip(8 + (version >= 3 ? 8 : 5) * 8);
     if (version >= 4)
