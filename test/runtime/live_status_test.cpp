@@ -29,6 +29,7 @@ LiveCloudCounts collecting_cloud() {
   counts.previews = 7;
   counts.maps = 3;
   counts.joint = {{MapId("alpha"), MapId("beta")}};
+  counts.newest_scans = {{RobotId("beta"), Stamp{1'500'000'000}}};
   return counts;
 }
 
@@ -59,6 +60,7 @@ TEST(LiveStatus, says_what_a_cloud_has_and_of_whom) {
   EXPECT_EQ(status["state"], "collecting");
   EXPECT_EQ(status["counts"]["preview_maps"], 3);
   EXPECT_EQ(status["joint"], Json::parse(R"([["alpha", "beta"]])"));
+  EXPECT_EQ(status["newest_scan_s"], Json::parse(R"({"beta": 1.5})"));
   ASSERT_EQ(status["links"].size(), 2u);
   EXPECT_EQ(status["links"][0]["counts"]["taken"], 12);
   EXPECT_EQ(status["links"][0]["silent_seconds"], 0.5);

@@ -39,6 +39,7 @@ struct LiveEdgeCounts {
   std::uint64_t unreadable = 0, again = 0;  // messages: that cannot be decoded; that came before
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
+  std::map<RobotId, Stamp> newest_scans;  // of the last preview
   std::size_t waiting_bytes = 0;          // that the cloud has not stored
   bool is_cloud_on_wire = false;
   std::optional<double> cloud_silent_s;    // as a robot's
