@@ -1,0 +1,447 @@
+"""Deployments: robots, edges and a cloud as programs of their own, through a broker, all on this machine
+
+Needs the program (scripts/build), nats-server, and laser/ below MAPWEAVE_DATA (default ../shared/data). Logs are cut into robots that drive at once, each with a third of what the next one sees where
+the log is long enough. Parts:
+  same     intel as 3 robots on 2 edges, 20 times as fast as sensed: the bytes of the maps are those of `run`
+  latency  at sensor speed: from a scan to the edge's preview and to the cloud's that have it
+  load     3, 8 and 20 robots of fr079 at sensor speed: what each program uses, what goes over the wires, and that no scan is lost
+  cameras  the same of 8 simulated robots with cameras, which map on board
+  faults   every program and the broker killed twice at random moments, at 10 times the speed; then the broker stopped for 20 s: the bytes of the undisturbed maps
+  flat     a long simulated drive at the highest speed: memory and disk after a quarter, half and all of it
+Writes tables between <!-- bench:serve --> and <!-- /bench --> of datasets/RESULTS.md, and out/bench/serve.json; a partial run keeps the other tables. Exit code 5 where a goal is missed, which the table's last column
+says. Latencies are true on an idle machine alone: the load average when a row began and ended stands in it. Everything takes some twenty minutes.
+"""
+import itertools
+import json
+import math
+import os
+import random
+import signal
+import statistics
+import sys
+import time
+
+from benches import common
+from benches.serve_bench import deployment as live
+from benches.team_bench import carmen
+from benches.teams import some, tables_of
+
+GOAL_EDGE_S, GOAL_CLOUD_S = 1.0, 3.0   # 95 of 100 scans are in the preview by then
+INSERT_M, INSERT_RAD = 0.05, 0.026     # laser.graph.insert_distance_m and insert_yaw_rad: other scans show nothing new, and previews leave them out
+KILLS, STOPPED_S = 2, 20.0
+FLAT_WORLD = """\
+seed: 7
+buildings:
+  - {{kind: apartment, apartment: {{width_m: 18, height_m: 13}}}}
+robots:
+  - {{id: alpha, edge: north, length_m: {length:.0f}, first_room: 0, last_room: 3}}
+  - {{id: beta, edge: south, length_m: {length:.0f}, first_room: 2, last_room: 5}}
+"""
+FLAT_M_PER_S = 0.336   # robots of the simulation, turns included
+CAMERA_WORLD = """\
+seed: 7
+cameras:
+  - {{id: front, kind: rgbd, width: 160, height: 120, fx: 131, fy: 131, frames_per_second: 8}}
+buildings:
+  - {{kind: apartment, furniture: {{round: 0.3}}, apartment: {{width_m: 18, height_m: 13}}}}
+robots:
+"""
+
+
+def add_arguments(parser):
+    parser.add_argument("--parts", default=list(PARTS), type=some(PARTS, "part"), metavar="NAME,...", help=f"default: all of {','.join(PARTS)}")
+    parser.add_argument("--seconds", type=float, metavar="S", help="that robots drive, in data (default: " + ", ".join(f"{name} {seconds}" for name, (_, seconds, _) in PARTS.items()) + "); leaves RESULTS.md as it is")
+    parser.add_argument("--rows", default="", metavar="LOG:ROBOTS,...", help="latency, load: only these, as in fr079:8; leaves RESULTS.md as it is")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="faults: of the moments (default: %(default)s)")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md as it is")
+
+
+class Team:
+    """Robots of a log on two edges, neighbours on the same one."""
+
+    def __init__(self, log, count, seconds):
+        self.name, self.folder = f"{log} as {count} robots", common.OUT / "serve" / f"{log}-{count}-{seconds:g}"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        whole = carmen.load(common.need(common.DATA / "laser" / log / f"{log}.clf.gz", "set MAPWEAVE_DATA"))
+        begin, end = whole.stamps[0], whole.stamps[-1]
+        step = min(2 / 3 * seconds, max(0.0, end - begin - seconds) / max(1, count - 1))
+        self.cuts = {f"r{i:02}": carmen.cut(whole, begin + i * step, begin + i * step + seconds) for i in range(count)}
+        self.edges = {robot: ("north" if i < (count + 1) // 2 else "south") for i, robot in enumerate(self.cuts)}
+        for robot, cut in self.cuts.items():
+            cut.write(self.folder / f"{robot}.clf.gz")
+        self.configuration = write_configuration(self.folder, {robot: f"{robot}.clf.gz" for robot in self.cuts}, self.edges)
+        self.seconds = max(cut.stamps[-1] - cut.stamps[0] for cut in self.cuts.values())
+
+    def deployment(self, watch_s=0.25, **options):
+        return live.Deployment(self.folder, self.configuration, self.edges, options, watch_s)
+
+    def outputs_of_run(self):
+        folder = self.folder / "run"
+        if not folder.exists():
+            common.mapweave("run", self.configuration, "--out", folder)
+        return outputs(folder)
+
+
+def write_configuration(folder, logs, edges):
+    path = folder / "run.yaml"
+    lines = [f"  - {{id: {robot}, log: {json.dumps(str(folder / log))}, edge: {edges[robot]}}}\n" for robot, log in logs.items()]
+    path.write_text("output: {report: false}\nrobots:\n" + "".join(lines))
+    return path
+
+
+def outputs(folder):
+    """Checksums of all results but the configuration, which says how programs talk."""
+    return {name: one for name, one in json.loads((folder / "manifest.json").read_text())["outputs"].items() if name != "config.yaml"}
+
+
+def other_than(maps, team):
+    """What is not as `run` leaves it."""
+    one, other = outputs(maps), team.outputs_of_run()
+    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+
+
+def load_average():
+    return f"{os.getloadavg()[0]:.1f}"
+
+
+def scans_of(maps):
+    return {robot["id"]: robot["scans"] for robot in json.loads((maps / "summary.json").read_text())["robots"]}
+
+
+def missing_scans(maps, team):
+    scans = scans_of(maps)
+    return sum(abs(len(cut.scans) - scans.get(robot, 0)) for robot, cut in team.cuts.items())
+
+
+# --- same
+
+def same(arguments, seconds):
+    team = Team("intel", 3, seconds)
+    before, speed = load_average(), 20.0
+    team.outputs_of_run()
+    with team.deployment(speed=speed) as deployment:
+        deployment.wait_for_drives(seconds / speed + 120)
+        driven_s = time.time() - deployment.began
+        maps = deployment.wait_for_results(180)
+        done_s = time.time() - deployment.began
+    others, missing = other_than(maps, team), missing_scans(maps, team)
+    goals = ([f"{len(others)} files differ: {', '.join(others[:3])}"] if others else []) + ([f"{missing} scans are missing"] if missing else [])
+    yield {"team": team.name, "seconds": team.seconds, "speed": speed, "scans": sum(len(cut.scans) for cut in team.cuts.values()), "files": len(team.outputs_of_run()), "different": len(others),
+           "drive_s": driven_s, "done_s": done_s, "load": f"{before}, {load_average()}", "missed": goals}
+
+
+def same_cells(row):
+    return row["team"], row["scans"], f"{row['speed']:g}", f"{row['drive_s']:.0f} s of {row['seconds'] / row['speed']:.0f} s", f"{row['done_s'] - row['drive_s']:.1f} s", row["files"], row["different"]
+
+
+# --- latency
+
+def stamps_that_show(trajectory):
+    """Stamps of scans that are drawn: the robot has moved since the one before."""
+    stamps, last = [], None
+    for line in trajectory.read_text().splitlines():
+        if line.startswith("#"):
+            continue
+        stamp, x, y, _, _, _, z, w = map(float, line.split())
+        yaw = 2 * math.atan2(z, w)
+        if last is None or math.hypot(x - last[0], y - last[1]) > INSERT_M or abs(carmen.wrap(yaw - last[2])) > INSERT_RAD:
+            stamps.append(stamp)
+            last = x, y, yaw
+    return stamps
+
+
+def latencies(shown, stamps, begun, first, end):
+    """Of scans, by the first preview that is as new; how many were never in one though they were sensed before `end`, in data."""
+    found, never, place = [], 0, 0
+    for stamp in stamps:
+        while place < len(shown) and shown[place][1] < stamp - 1e-4:
+            place += 1
+        if place < len(shown):
+            found.append(shown[place][0] - begun - (stamp - first))
+        elif stamp < end:
+            never += 1
+    return found, never
+
+
+def quantile(values, share):
+    return sorted(values)[min(len(values) - 1, int(share * len(values)))] if values else math.nan
+
+
+def latency(arguments, seconds):
+    for log, count in chosen_rows(arguments, (("intel", 3), ("fr079", 2))):
+        team, before, period_s = Team(log, count, seconds), load_average(), 0.5
+        with team.deployment(watch_s=0.05, preview_period_s=period_s) as deployment:
+            deployment.wait_for_drives(seconds + 60)
+            begun = {robot: deployment.begun(robot, 1.0) for robot in team.cuts}
+            shown = {tier: dict(robots) for tier, robots in deployment.watch.shown.items()}
+            lost = deployment.lost_scans()
+            maps = deployment.wait_for_results(120)
+        row, goals = {"team": team.name, "scans": 0, "period_s": period_s, "load": f"{before}, {load_average()}", "seconds": seconds}, []
+        stamps = {robot: stamps_that_show(next(maps.rglob(f"{robot}/trajectory.tum"))) for robot in team.cuts}
+        row["scans"] = sum(map(len, stamps.values()))
+        for tier, goal_s in (("edge", GOAL_EDGE_S), ("cloud", GOAL_CLOUD_S)):
+            values, never = [], 0
+            for robot, cut in team.cuts.items():
+                at = shown[team.edges[robot] if tier == "edge" else "cloud"].get(robot, [])
+                of_robot, of_none = latencies(at, stamps[robot], begun[robot], cut.stamps[0], cut.stamps[-1] - goal_s)
+                values, never = values + of_robot, never + of_none
+            row[tier] = {"median_s": statistics.median(values), "p95_s": quantile(values, 0.95), "longest_s": max(values), "counted": len(values), "never": never}
+            if row[tier]["p95_s"] > goal_s:
+                goals.append(f"{tier}: p95 {row[tier]['p95_s']:.2f} s, goal {goal_s:g} s")
+            if never:
+                goals.append(f"{tier}: {never} scans in no preview")
+        if lost:
+            goals.append(f"{lost} scans lost")
+        yield {**row, "missed": goals}
+
+
+def latency_cells(row):
+    return (row["team"], row["scans"], f"{row['period_s']:g} s", *itertools.chain(*((f"{row[tier]['median_s']:.2f} s", f"{row[tier]['p95_s']:.2f} s", f"{row[tier]['longest_s']:.2f} s") for tier in ("edge", "cloud"))))
+
+
+# --- load
+
+def chosen_rows(arguments, rows):
+    return [row for row in rows if not arguments.rows or f"{row[0]}:{row[1]}" in arguments.rows.split(",")]
+
+
+def used(deployment, seconds):
+    """By kind of program: of all together processors, of the largest MB, and of all kB/s said and heard."""
+    kinds = {"robots": list(deployment.robots), "edges": deployment.edges, "cloud": ["cloud"], "broker": ["broker"]}
+    usage = deployment.usage
+    return {kind: {"cores": sum(deployment.all[name].cpu_s for name in names) / seconds,
+                   "said": sum(usage.said.get(name, 0) for name in names) / seconds / 1000, "heard": sum(usage.heard.get(name, 0) for name in names) / seconds / 1000}
+            for kind, names in kinds.items()}, {kind: max(deployment.all[name].peak_mb for name in names) for kind, names in kinds.items()}
+
+
+def loaded(deployment, name, seconds, sensed, count_of):
+    """A row of what programs use while robots drive; the peaks of memory with the final merge."""
+    before = load_average()
+    with deployment:
+        deployment.wait_for_drives(3 * seconds + 120)
+        driven_s = time.time() - deployment.began
+        use, _ = used(deployment, driven_s)
+        lost = deployment.lost_scans()
+        maps = deployment.wait_for_results(300)
+        _, peaks = used(deployment, driven_s)
+    for kind, peak in peaks.items():
+        use[kind]["peak_mb"] = peak
+    missing = sensed - count_of(maps)
+    goals = ([f"{lost} scans lost on the way"] if lost else []) + ([f"{missing} of {sensed} are not in the map"] if missing else [])
+    return {"team": name, "sensed": sensed, "missing": missing, "robots": len(deployment.robots), "drive_s": driven_s, "seconds": seconds, "use": use,
+            "load": f"{before}, {load_average()}", "missed": goals}
+
+
+def load(arguments, seconds):
+    for log, count in chosen_rows(arguments, (("fr079", 3), ("fr079", 8), ("fr079", 20))):
+        team = Team(log, count, seconds)
+        sensed = sum(len(cut.scans) for cut in team.cuts.values())
+        yield loaded(team.deployment(preview_period_s=2.0), team.name, seconds, sensed, lambda maps: sum(scans_of(maps).values()))
+
+
+def cameras(arguments, seconds):
+    folder = common.OUT / "serve" / f"cameras-{seconds:g}"
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [f"r{i:02}" for i in range(8)]
+    edges = {name: ("north" if i < 4 else "south") for i, name in enumerate(names)}
+    robots = "".join(f"  - {{id: {name}, edge: {edges[name]}, length_m: {0.3 * seconds:.1f}, first_room: {i % 4}}}\n" for i, name in enumerate(names))
+    (folder / "world.yaml").write_text(CAMERA_WORLD.format() + robots)
+    common.mapweave("simulate", folder / "world.yaml", "--out", folder / "logs", "--force")
+    frames = 0
+    for name in names:
+        contents = json.loads(common.mapweave("inspect", folder / f"logs/{name}.rawlog", "--json")[1])
+        frames += max(sensor["count"] for sensor in contents["sensors"])
+    deployment = live.Deployment(folder, folder / "logs/run.yaml", edges, {"preview_period_s": 2.0}, 0.25)
+    yield loaded(deployment, "8 robots with cameras, 160 x 120, 8 frames/s", seconds, frames, frames_of)
+
+
+def frames_of(maps):
+    return sum(robot.get("frames", robot.get("scans", 0)) for robot in json.loads((maps / "summary.json").read_text())["robots"])
+
+
+def load_cells(row):
+    use, count = row["use"], row["robots"]
+    sizes = ", ".join(f"{use[kind]['peak_mb']:.0f}" for kind in ("robots", "edges", "cloud", "broker"))
+    processors = ", ".join(f"{value:.3f}" for value in (use["robots"]["cores"] / count, use["edges"]["cores"], use["cloud"]["cores"], use["broker"]["cores"]))
+    return (row["team"], row["sensed"], row["missing"], processors, sizes, f"{use['robots']['said'] / count:.1f}, {use['robots']['heard'] / count:.1f}",
+            f"{use['cloud']['heard']:.1f}, {use['cloud']['said']:.1f}")
+
+
+# --- faults
+
+def moments(deployment, seconds, seed):
+    """(seconds after the drive's begin, who, seconds until it is started again), by time."""
+    chance = random.Random(seed)
+    return sorted((chance.uniform(0.05, 0.85) * seconds, name, chance.uniform(0.2, 3.0)) for name in deployment.all for _ in range(KILLS))
+
+
+class Recovery:
+    """After a moment: until the cloud shows newer maps of all robots that drive."""
+
+    def __init__(self, deployment, who):
+        self.deployment, self.who, self.at, self.took_s = deployment, who, time.time(), None
+        self.before = deployment.watch.newest("cloud")
+
+    def look(self):
+        if self.took_s is None and self.is_over():
+            self.took_s = time.time() - self.at
+
+    def is_over(self):
+        now = self.deployment.watch.newest("cloud")
+        return all(not self.deployment.programs[robot].is_running or now.get(robot, 0) > stamp for robot, stamp in self.before.items())
+
+
+def killed(deployment, seconds, seed):
+    """Kills and starts again; the recoveries."""
+    recoveries, starts = [], []
+    plan = moments(deployment, seconds, seed)
+    while plan or starts or any(deployment.programs[robot].is_running for robot in deployment.robots):
+        now = time.time()
+        while plan and now >= deployment.began + plan[0][0]:
+            _, name, away_s = plan.pop(0)
+            if deployment.all[name].is_running:
+                recoveries.append(Recovery(deployment, name))
+                deployment.all[name].kill()
+                starts.append((now + away_s, name))
+        for at, name in [one for one in starts if now >= one[0]]:
+            deployment.all[name].start()
+            starts.remove((at, name))
+        for recovery in recoveries:
+            recovery.look()
+        deployment.expect_sound()
+        if now > deployment.began + 3 * seconds + 240:
+            deployment.fail("robots still drive")
+        time.sleep(0.05)
+    return recoveries
+
+
+def stopped(deployment, seconds, _):
+    """Stops the broker for a while."""
+    deployment.wait_for(lambda: time.time() >= deployment.began + seconds / 3, seconds, "")
+    deployment.broker.send(signal.SIGSTOP)
+    time.sleep(STOPPED_S)
+    recovery = Recovery(deployment, "broker")
+    deployment.broker.send(signal.SIGCONT)
+    # What robots would have shown by then, had nobody stopped anything.
+    behind = {robot: stamp + STOPPED_S * 10.0 for robot, stamp in recovery.before.items()}
+    recovery.before = behind
+    while any(deployment.programs[robot].is_running for robot in deployment.robots):
+        recovery.look()
+        deployment.expect_sound()
+        if time.time() > deployment.began + 3 * seconds + 240:
+            deployment.fail("robots still drive")
+        time.sleep(0.05)
+    recovery.look()
+    return [recovery]
+
+
+def faults(arguments, seconds):
+    speed = 10.0
+    team = Team("intel", 3, seconds)
+    team.outputs_of_run()
+    for what, disturb in ((f"{KILLS} x each of 6 programs and the broker killed, seed {arguments.seed}", killed), (f"the broker stopped for {STOPPED_S:g} s", stopped)):
+        before = load_average()
+        with team.deployment(watch_s=0.2, speed=speed, preview_period_s=1.0) as deployment:
+            recoveries = disturb(deployment, seconds / speed, arguments.seed)
+            driven_s = time.time() - deployment.began
+            lost = deployment.lost_scans()
+            maps = deployment.wait_for_results(240)
+        others, missing = other_than(maps, team), missing_scans(maps, team)
+        times = [one.took_s for one in recoveries if one.took_s is not None]
+        goals = ([f"{len(others)} files differ: {', '.join(others[:3])}"] if others else []) + ([f"{missing} scans are missing"] if missing else []) + ([f"{lost} scans lost"] if lost else [])
+        yield {"what": what, "seconds": seconds, "speed": speed, "happened": [(one.who, one.at - deployment.began, one.took_s) for one in recoveries], "times": times,
+               "different": len(others), "files": len(team.outputs_of_run()), "drive_s": driven_s, "undisturbed_s": team.seconds / speed, "load": f"{before}, {load_average()}", "missed": goals}
+
+
+def faults_cells(row):
+    times = row["times"]
+    took = f"{statistics.median(times):.1f} s ({max(times):.1f} s)" if times else "-"
+    return row["what"], len(row["happened"]), took, f"{row['drive_s']:.0f} s of {row['undisturbed_s']:.0f} s", row["files"], row["different"]
+
+
+# --- flat
+
+def flat(arguments, seconds):
+    folder, before = common.OUT / "serve" / f"flat-{seconds:g}", load_average()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "world.yaml").write_text(FLAT_WORLD.format(length=FLAT_M_PER_S * seconds))
+    common.mapweave("simulate", folder / "world.yaml", "--out", folder / "logs", "--force")
+    total = sum(json.loads(common.mapweave("inspect", folder / f"logs/{robot}.rawlog", "--json")[1])["scans"] for robot in ("alpha", "beta"))
+    hours = seconds / 3600
+    with live.Deployment(folder, folder / "logs/run.yaml", {"alpha": "north", "beta": "south"}, {"speed": 0, "preview_period_s": 5.0}, 0.25) as deployment:
+        samples, marks = {}, [0.25, 0.5]
+        while (mapped := mapped_scans(deployment)) < total and deployment.programs["cloud"].is_running:
+            share = mapped / total
+            if marks and share >= marks[0]:
+                samples[marks.pop(0)] = sizes_of(deployment, share)
+            elif share > 0.9:
+                samples[1.0] = sizes_of(deployment, share)
+            deployment.expect_sound()
+            if time.time() > deployment.began + 600:
+                deployment.fail("it is not mapped after 10 minutes")
+            time.sleep(0.2)
+        mapped_s = time.time() - deployment.began
+        deployment.wait_for_results(300)
+    for name in samples[1.0]:
+        if name == "share":
+            continue
+        quarter, half, end = (samples[mark][name] for mark in (0.25, 0.5, 1.0))
+        yield {"what": name, "hours": hours, "scans": total, "wall_s": mapped_s, "quarter": quarter, "half": half, "end": end, "per_hour": (end - half) / (samples[1.0]["share"] - samples[0.5]["share"]) / hours,
+               "load": f"{before}, {load_average()}", "missed": []}
+
+
+def mapped_scans(deployment):
+    return sum(counts["scans"] for edge in deployment.edges for counts in deployment.watch.links(edge).values())
+
+
+def sizes_of(deployment, share):
+    names = {"robot": list(deployment.robots), "edge": deployment.edges, "cloud": ["cloud"], "broker": ["broker"]}
+    return {"share": share, **{f"{kind}, memory": max(deployment.all[name].resident_mb for name in of) for kind, of in names.items()}, **{f"{what}, disk": size for what, size in deployment.stored_mb().items()}}
+
+
+def flat_cells(row):
+    return row["what"], f"{row['hours']:.2g} h, {row['scans']} scans", f"{row['wall_s']:.0f} s", *(f"{row[key]:.1f}" for key in ("quarter", "half", "end", "per_hour"))
+
+
+# Title of the table, its columns, cells of a row.
+LOAD_HEADERS = ("team", "scans or frames", "missing in the map", "processors: a robot, all edges, the cloud, the broker", "peak, MB: a robot, an edge, the cloud, the broker", "a robot's wire, kB/s: up, down", "the cloud's wires, kB/s: up, down")
+TABLES = {
+    "same": ("The maps of `run`, byte for byte", ("team", "scans", "times sensor speed", "drive", "map after it", "files", "different"), same_cells),
+    "latency": ("From a scan to previews that have it, at sensor speed", ("team", "scans that show something", "previews every", "edge, median", "p95", "longest", "cloud, median", "p95", "longest"), latency_cells),
+    "load": ("What programs use at sensor speed", LOAD_HEADERS, load_cells),
+    "cameras": ("The same of cameras", LOAD_HEADERS, load_cells),
+    "faults": ("Programs that are killed, wires that are cut: intel as 3 robots, 10 times as fast", ("what", "times", "all newer in the cloud after, median (longest)", "drive", "files", "other than undisturbed"), faults_cells),
+    "flat": ("A long drive at the highest speed, MB", ("what", "drive", "mapped in", "after a quarter", "after half", "at the end", "more in an hour of it"), flat_cells),
+}
+PARTS = {"same": (same, 900, "same"), "latency": (latency, 120, "latency"), "load": (load, 60, "load"), "cameras": (cameras, 40, "cameras"), "faults": (faults, 900, "faults"), "flat": (flat, 7200, "flat")}
+
+
+def table_of(part, rows):
+    title, headers, cells = TABLES[part]
+    return title, common.table((*headers, "load average", "goals"), [(*cells(row), row["load"], "missed: " + "; ".join(row["missed"]) if row["missed"] else "met") for row in rows])
+
+
+def run(arguments):
+    common.need(common.PROGRAM, "run scripts/build")
+    if live.BROKER is None:
+        common.give_up("there is no nats-server; it is a Debian package of this name")
+    tables, measured, missed = tables_of(common.results_text("serve")), {}, []
+    for part in arguments.parts:
+        measure, seconds, _ = PARTS[part]
+        rows = []
+        for row in measure(arguments, arguments.seconds or seconds):
+            rows.append(row)
+            print(json.dumps(row), file=sys.stderr)
+            missed += [f"{part}: {goal}" for goal in row["missed"]]
+        measured[part] = rows
+        title, text = table_of(part, rows)
+        tables[title] = text
+        print(f"{title}:\n\n{text}\n")
+        common.write_json("serve", {"machine": common.machine(), "commit": common.commit(), "parts": measured})
+    ordered = [(title, tables[title]) for title, _, _ in TABLES.values() if title in tables]
+    text = "\n\n".join(f"{title}:\n\n{table}" for title, table in ordered) + f"\n\nMeasured by `scripts/bench serve` on {common.machine()}, all programs on one machine."
+    if not (arguments.dry_run or arguments.seconds or arguments.rows):
+        common.write_results("serve", text)
+    for one in missed:
+        print("missed:", one)
+    return 5 if missed else 0
