@@ -11,7 +11,6 @@ the log is long enough. Parts:
 Writes tables between <!-- bench:serve --> and <!-- /bench --> of datasets/RESULTS.md, and out/bench/serve.json; a partial run keeps the other tables. Exit code 5 where a goal is missed, which the table's last column
 says. Latencies are true on an idle machine alone: the load average when a row began and ended stands in it. Everything takes some twenty minutes.
 """
-import itertools
 import json
 import math
 import os
@@ -28,7 +27,7 @@ from benches.teams import some, tables_of
 
 GOAL_EDGE_S, GOAL_CLOUD_S = 1.0, 3.0   # 95 of 100 scans are in the preview by then
 INSERT_M, INSERT_RAD = 0.05, 0.026     # laser.graph.insert_distance_m and insert_yaw_rad: other scans show nothing new, and previews leave them out
-KILLS, STOPPED_S = 2, 20.0
+FAULTS_SPEED, KILLS, STOPPED_S = 10.0, 2, 20.0
 FLAT_WORLD = """\
 seed: 7
 buildings:
@@ -50,7 +49,7 @@ robots:
 
 def add_arguments(parser):
     parser.add_argument("--parts", default=list(PARTS), type=some(PARTS, "part"), metavar="NAME,...", help=f"default: all of {','.join(PARTS)}")
-    parser.add_argument("--seconds", type=float, metavar="S", help="that robots drive, in data (default: " + ", ".join(f"{name} {seconds}" for name, (_, seconds, _) in PARTS.items()) + "); leaves RESULTS.md as it is")
+    parser.add_argument("--seconds", type=float, metavar="S", help="that robots drive, in data (default: " + ", ".join(f"{name} {seconds}" for name, (_, seconds) in PARTS.items()) + "); leaves RESULTS.md as it is")
     parser.add_argument("--rows", default="", metavar="LOG:ROBOTS,...", help="latency, load: only these, as in fr079:8; leaves RESULTS.md as it is")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="faults: of the moments (default: %(default)s)")
     parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md as it is")
@@ -74,6 +73,10 @@ class Team:
 
     def deployment(self, watch_s=0.25, **options):
         return live.Deployment(self.folder, self.configuration, self.edges, options, watch_s)
+
+    @staticmethod
+    def trajectory(maps, robot):
+        return maps / "robots" / robot / "trajectory.tum"
 
     def outputs_of_run(self):
         folder = self.folder / "run"
@@ -150,17 +153,27 @@ def stamps_that_show(trajectory):
     return stamps
 
 
-def latencies(shown, stamps, begun, first, end):
-    """Of scans, by the first preview that is as new; how many were never in one though they were sensed before `end`, in data."""
-    found, never, place = [], 0, 0
-    for stamp in stamps:
-        while place < len(shown) and shown[place][1] < stamp - 1e-4:
-            place += 1
-        if place < len(shown):
-            found.append(shown[place][0] - begun - (stamp - first))
-        elif stamp < end:
-            never += 1
-    return found, never
+class Latencies:
+    """Of scans, by the first preview that is as new. A map is shown once it has ten scans: those wait for it."""
+
+    def __init__(self):
+        self.first_s, self.later_s, self.shown_after_s, self.never = [], [], [], 0
+
+    def add(self, shown, stamps, begun, first, end):
+        """Of a robot; `end`: what was sensed before must be in a preview."""
+        place = 0
+        self.shown_after_s += [shown[0][0] - begun] if shown else []
+        for stamp in stamps:
+            while place < len(shown) and shown[place][1] < stamp - 1e-4:
+                place += 1
+            if place < len(shown):
+                (self.later_s if place else self.first_s).append(shown[place][0] - begun - (stamp - first))
+            elif stamp < end:
+                self.never += 1
+
+    def numbers(self):
+        values = self.first_s + self.later_s
+        return {"median_s": statistics.median(values), "p95_s": quantile(values, 0.95), "longest_s": max(self.later_s), "shown_after_s": max(self.shown_after_s), "counted": len(values), "never": self.never}
 
 
 def quantile(values, share):
@@ -177,26 +190,24 @@ def latency(arguments, seconds):
             lost = deployment.lost_scans()
             maps = deployment.wait_for_results(120)
         row, goals = {"team": team.name, "scans": 0, "period_s": period_s, "load": f"{before}, {load_average()}", "seconds": seconds}, []
-        stamps = {robot: stamps_that_show(next(maps.rglob(f"{robot}/trajectory.tum"))) for robot in team.cuts}
+        stamps = {robot: stamps_that_show(team.trajectory(maps, robot)) for robot in team.cuts}
         row["scans"] = sum(map(len, stamps.values()))
         for tier, goal_s in (("edge", GOAL_EDGE_S), ("cloud", GOAL_CLOUD_S)):
-            values, never = [], 0
+            found = Latencies()
             for robot, cut in team.cuts.items():
-                at = shown[team.edges[robot] if tier == "edge" else "cloud"].get(robot, [])
-                of_robot, of_none = latencies(at, stamps[robot], begun[robot], cut.stamps[0], cut.stamps[-1] - goal_s)
-                values, never = values + of_robot, never + of_none
-            row[tier] = {"median_s": statistics.median(values), "p95_s": quantile(values, 0.95), "longest_s": max(values), "counted": len(values), "never": never}
+                found.add(shown[team.edges[robot] if tier == "edge" else "cloud"].get(robot, []), stamps[robot], begun[robot], cut.stamps[0], cut.stamps[-1] - goal_s)
+            row[tier] = found.numbers()
             if row[tier]["p95_s"] > goal_s:
                 goals.append(f"{tier}: p95 {row[tier]['p95_s']:.2f} s, goal {goal_s:g} s")
-            if never:
-                goals.append(f"{tier}: {never} scans in no preview")
+            if found.never:
+                goals.append(f"{tier}: {found.never} scans in no preview")
         if lost:
             goals.append(f"{lost} scans lost")
         yield {**row, "missed": goals}
 
 
 def latency_cells(row):
-    return (row["team"], row["scans"], f"{row['period_s']:g} s", *itertools.chain(*((f"{row[tier]['median_s']:.2f} s", f"{row[tier]['p95_s']:.2f} s", f"{row[tier]['longest_s']:.2f} s") for tier in ("edge", "cloud"))))
+    return (row["team"], row["scans"], f"{row['period_s']:g} s", *(f"{row[tier][key]:.2f} s" for tier in ("edge", "cloud") for key in ("median_s", "p95_s", "longest_s", "shown_after_s")))
 
 
 # --- load
@@ -206,11 +217,11 @@ def chosen_rows(arguments, rows):
 
 
 def used(deployment, seconds):
-    """By kind of program: of all together processors, of the largest MB, and of all kB/s said and heard."""
+    """By kind of program: of all together processors, of the largest MB, and of all kB/s sent and received."""
     kinds = {"robots": list(deployment.robots), "edges": deployment.edges, "cloud": ["cloud"], "broker": ["broker"]}
     usage = deployment.usage
     return {kind: {"cores": sum(deployment.all[name].cpu_s for name in names) / seconds,
-                   "said": sum(usage.said.get(name, 0) for name in names) / seconds / 1000, "heard": sum(usage.heard.get(name, 0) for name in names) / seconds / 1000}
+                   "sent": sum(usage.sent.get(name, 0) for name in names) / seconds / 1000, "received": sum(usage.received.get(name, 0) for name in names) / seconds / 1000}
             for kind, names in kinds.items()}, {kind: max(deployment.all[name].peak_mb for name in names) for kind, names in kinds.items()}
 
 
@@ -263,8 +274,8 @@ def load_cells(row):
     use, count = row["use"], row["robots"]
     sizes = ", ".join(f"{use[kind]['peak_mb']:.0f}" for kind in ("robots", "edges", "cloud", "broker"))
     processors = ", ".join(f"{value:.3f}" for value in (use["robots"]["cores"] / count, use["edges"]["cores"], use["cloud"]["cores"], use["broker"]["cores"]))
-    return (row["team"], row["sensed"], row["missing"], processors, sizes, f"{use['robots']['said'] / count:.1f}, {use['robots']['heard'] / count:.1f}",
-            f"{use['cloud']['heard']:.1f}, {use['cloud']['said']:.1f}")
+    return (row["team"], row["sensed"], row["missing"], processors, sizes, f"{use['robots']['sent'] / count:.1f}, {use['robots']['received'] / count:.1f}",
+            f"{use['cloud']['received']:.1f}, {use['cloud']['sent']:.1f}")
 
 
 # --- faults
@@ -276,87 +287,100 @@ def moments(deployment, seconds, seed):
 
 
 class Recovery:
-    """After a moment: until the cloud shows newer maps of all robots that drive."""
+    """From now on, when something is there again: until the cloud shows what each robot that drives sensed afterwards."""
 
-    def __init__(self, deployment, who):
-        self.deployment, self.who, self.at, self.took_s = deployment, who, time.time(), None
-        self.before = deployment.watch.newest("cloud")
+    def __init__(self, deployment, who, showing):
+        self.deployment, self.who, self.showing, self.at, self.took_s = deployment, who, showing, time.time(), None
+        self.goals = {}   # {robot: stamp}
 
     def look(self):
         if self.took_s is None and self.is_over():
             self.took_s = time.time() - self.at
 
+    def goal_of(self, robot):
+        """The newest scan that shows something, at the robot's first word since that says of more than it ever said."""
+        recorded = 0.0
+        for status in self.deployment.board.of(f"robot-{robot}"):
+            now = status["tiers"][0]["counts"]["recorded_seconds"]
+            if status["said_at_ns"] * 1e-9 >= self.at and now > recorded:
+                return max((stamp for stamp in self.showing[robot] if stamp <= self.showing[robot][0] + now), default=0.0)
+            recorded = max(recorded, now)
+        return None
+
     def is_over(self):
-        now = self.deployment.watch.newest("cloud")
-        return all(not self.deployment.programs[robot].is_running or now.get(robot, 0) > stamp for robot, stamp in self.before.items())
+        shown = self.deployment.watch.newest("cloud")
+        for robot in self.deployment.robots:
+            if self.goals.get(robot) is None:
+                self.goals[robot] = self.goal_of(robot)
+            has_ended = self.deployment.programs[robot].process.poll() == 0
+            if not has_ended and (self.goals[robot] is None or shown.get(robot, 0.0) < self.goals[robot] - 1e-4):
+                return False
+        return True
 
 
-def killed(deployment, seconds, seed):
-    """Kills and starts again; the recoveries."""
-    recoveries, starts = [], []
-    plan = moments(deployment, seconds, seed)
-    while plan or starts or any(deployment.programs[robot].is_running for robot in deployment.robots):
+def watch_drives(deployment, recoveries, seconds):
+    """False: all robots have ended."""
+    for recovery in recoveries:
+        recovery.look()
+    deployment.expect_sound()
+    if time.time() > deployment.began + 3 * seconds + 240:
+        deployment.fail("robots still drive")
+    time.sleep(0.05)
+    return any(deployment.programs[robot].process.poll() != 0 for robot in deployment.robots)
+
+
+def killed(deployment, seconds, seed, showing):
+    """Kills and starts again; the recoveries, from when something was started."""
+    recoveries, starts, plan = [], [], moments(deployment, seconds, seed)
+    while watch_drives(deployment, recoveries, seconds) or starts:
         now = time.time()
         while plan and now >= deployment.began + plan[0][0]:
             _, name, away_s = plan.pop(0)
             if deployment.all[name].is_running:
-                recoveries.append(Recovery(deployment, name))
                 deployment.all[name].kill()
                 starts.append((now + away_s, name))
         for at, name in [one for one in starts if now >= one[0]]:
             deployment.all[name].start()
+            recoveries.append(Recovery(deployment, name, showing))
             starts.remove((at, name))
-        for recovery in recoveries:
-            recovery.look()
-        deployment.expect_sound()
-        if now > deployment.began + 3 * seconds + 240:
-            deployment.fail("robots still drive")
-        time.sleep(0.05)
     return recoveries
 
 
-def stopped(deployment, seconds, _):
+def stopped(deployment, seconds, _, showing):
     """Stops the broker for a while."""
     deployment.wait_for(lambda: time.time() >= deployment.began + seconds / 3, seconds, "")
     deployment.broker.send(signal.SIGSTOP)
     time.sleep(STOPPED_S)
-    recovery = Recovery(deployment, "broker")
     deployment.broker.send(signal.SIGCONT)
-    # What robots would have shown by then, had nobody stopped anything.
-    behind = {robot: stamp + STOPPED_S * 10.0 for robot, stamp in recovery.before.items()}
-    recovery.before = behind
-    while any(deployment.programs[robot].is_running for robot in deployment.robots):
-        recovery.look()
-        deployment.expect_sound()
-        if time.time() > deployment.began + 3 * seconds + 240:
-            deployment.fail("robots still drive")
-        time.sleep(0.05)
-    recovery.look()
-    return [recovery]
+    recoveries = [Recovery(deployment, "broker", showing)]
+    while watch_drives(deployment, recoveries, seconds):
+        pass
+    return recoveries
 
 
 def faults(arguments, seconds):
-    speed = 10.0
+    speed = FAULTS_SPEED
     team = Team("intel", 3, seconds)
     team.outputs_of_run()
+    showing = {robot: stamps_that_show(team.trajectory(team.folder / "run", robot)) for robot in team.cuts}
     for what, disturb in ((f"{KILLS} x each of 6 programs and the broker killed, seed {arguments.seed}", killed), (f"the broker stopped for {STOPPED_S:g} s", stopped)):
         before = load_average()
         with team.deployment(watch_s=0.2, speed=speed, preview_period_s=1.0) as deployment:
-            recoveries = disturb(deployment, seconds / speed, arguments.seed)
+            recoveries = disturb(deployment, seconds / speed, arguments.seed, showing)
             driven_s = time.time() - deployment.began
             lost = deployment.lost_scans()
             maps = deployment.wait_for_results(240)
         others, missing = other_than(maps, team), missing_scans(maps, team)
         times = [one.took_s for one in recoveries if one.took_s is not None]
         goals = ([f"{len(others)} files differ: {', '.join(others[:3])}"] if others else []) + ([f"{missing} scans are missing"] if missing else []) + ([f"{lost} scans lost"] if lost else [])
-        yield {"what": what, "seconds": seconds, "speed": speed, "happened": [(one.who, one.at - deployment.began, one.took_s) for one in recoveries], "times": times,
+        yield {"what": what, "seconds": seconds, "speed": speed, "again": [(one.who, one.at - deployment.began, one.took_s) for one in recoveries], "times": times,
                "different": len(others), "files": len(team.outputs_of_run()), "drive_s": driven_s, "undisturbed_s": team.seconds / speed, "load": f"{before}, {load_average()}", "missed": goals}
 
 
 def faults_cells(row):
     times = row["times"]
     took = f"{statistics.median(times):.1f} s ({max(times):.1f} s)" if times else "-"
-    return row["what"], len(row["happened"]), took, f"{row['drive_s']:.0f} s of {row['undisturbed_s']:.0f} s", row["files"], row["different"]
+    return row["what"], len(row["again"]), took, f"{row['drive_s']:.0f} s of {row['undisturbed_s']:.0f} s", row["files"], row["different"]
 
 
 # --- flat
@@ -407,13 +431,13 @@ def flat_cells(row):
 LOAD_HEADERS = ("team", "scans or frames", "missing in the map", "processors: a robot, all edges, the cloud, the broker", "peak, MB: a robot, an edge, the cloud, the broker", "a robot's wire, kB/s: up, down", "the cloud's wires, kB/s: up, down")
 TABLES = {
     "same": ("The maps of `run`, byte for byte", ("team", "scans", "times sensor speed", "drive", "map after it", "files", "different"), same_cells),
-    "latency": ("From a scan to previews that have it, at sensor speed", ("team", "scans that show something", "previews every", "edge, median", "p95", "longest", "cloud, median", "p95", "longest"), latency_cells),
+    "latency": ("From a scan to previews that have it, at sensor speed", ("team", "scans that show something", "previews every", "edge, median", "p95", "longest once shown", "a robot is shown after, at most", "cloud, median", "p95", "longest once shown", "a robot is shown after, at most"), latency_cells),
     "load": ("What programs use at sensor speed", LOAD_HEADERS, load_cells),
     "cameras": ("The same of cameras", LOAD_HEADERS, load_cells),
-    "faults": ("Programs that are killed, wires that are cut: intel as 3 robots, 10 times as fast", ("what", "times", "all newer in the cloud after, median (longest)", "drive", "files", "other than undisturbed"), faults_cells),
+    "faults": ("Programs that are killed, wires that are cut: intel as 3 robots, 10 times as fast", ("what", "times", "the cloud shows what was sensed since after, median (longest)", "drive", "files", "other than undisturbed"), faults_cells),
     "flat": ("A long drive at the highest speed, MB", ("what", "drive", "mapped in", "after a quarter", "after half", "at the end", "more in an hour of it"), flat_cells),
 }
-PARTS = {"same": (same, 900, "same"), "latency": (latency, 120, "latency"), "load": (load, 60, "load"), "cameras": (cameras, 40, "cameras"), "faults": (faults, 900, "faults"), "flat": (flat, 7200, "flat")}
+PARTS = {"same": (same, 900), "latency": (latency, 120), "load": (load, 60), "cameras": (cameras, 40), "faults": (faults, 900), "flat": (flat, 7200)}
 
 
 def table_of(part, rows):
@@ -427,7 +451,7 @@ def run(arguments):
         common.give_up("there is no nats-server; it is a Debian package of this name")
     tables, measured, missed = tables_of(common.results_text("serve")), {}, []
     for part in arguments.parts:
-        measure, seconds, _ = PARTS[part]
+        measure, seconds = PARTS[part]
         rows = []
         for row in measure(arguments, arguments.seconds or seconds):
             rows.append(row)

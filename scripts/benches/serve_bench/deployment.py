@@ -1,4 +1,5 @@
 """A deployment on this machine, as users start it: a broker, a cloud, edges and robots; what they say of themselves, and what they use."""
+import http.client
 import json
 import os
 import pathlib
@@ -17,6 +18,7 @@ from benches.ros import free_port
 BROKER = shutil.which("nats-server") or shutil.which("nats-server", path="/usr/sbin:/usr/local/bin")
 TICKS = os.sysconf("SC_CLK_TCK")
 MB = 1e6
+NO_ANSWER = (OSError, ValueError, http.client.HTTPException)
 
 
 def environment():
@@ -83,7 +85,7 @@ class Process:
 
 
 class Board(threading.Thread):
-    """What all programs say of themselves every 2 s, as anybody at the broker hears it; it comes back when the broker does."""
+    """What all programs say of themselves every 2 s, as the broker passes it on; it comes back when the broker does."""
 
     def __init__(self, port):
         super().__init__(daemon=True)
@@ -93,7 +95,7 @@ class Board(threading.Thread):
         while not self.ends:
             try:
                 self.listen()
-            except (OSError, ValueError):
+            except NO_ANSWER:
                 pass
             time.sleep(0.1)
 
@@ -126,7 +128,7 @@ class Watch(threading.Thread):
             for tier, port in self.ports.items():
                 try:
                     status = answer(port, "/status.json")["tiers"][0]
-                except (OSError, ValueError):
+                except NO_ANSWER:
                     continue
                 self.last[tier] = status
                 for robot, stamp in status["newest_scan_s"].items():
@@ -149,7 +151,7 @@ class Usage(threading.Thread):
     def __init__(self, processes, monitor, period_s=0.25):
         super().__init__(daemon=True)
         self.processes, self.monitor, self.period_s, self.ends = processes, monitor, period_s, False
-        self.said, self.heard = {}, {}   # bytes by name of a program
+        self.sent, self.received = {}, {}   # bytes by name of a program
 
     def run(self):
         next_wires = 0.0
@@ -164,13 +166,13 @@ class Usage(threading.Thread):
     def look_at_wires(self):
         try:
             wires = {wire["port"]: wire for wire in answer(self.monitor, "/connz?limit=1000")["connections"]}
-        except (OSError, ValueError):
+        except NO_ANSWER:
             return
         for process in self.processes:
             own = [wires[port] for port in process.ports() if port in wires]
             if own:
-                self.said[process.name] = sum(wire["in_bytes"] for wire in own)
-                self.heard[process.name] = sum(wire["out_bytes"] for wire in own)
+                self.sent[process.name] = sum(wire["in_bytes"] for wire in own)
+                self.received[process.name] = sum(wire["out_bytes"] for wire in own)
 
 
 class Deployment:
