@@ -101,6 +101,15 @@ TEST(LiveStatus, says_what_an_edge_maps_and_what_it_could_not) {
   EXPECT_EQ(tier_status(TierId("north"), counts, kLongUp)["state"], "merged");
 }
 
+TEST(LiveStatus, misses_no_robot_that_has_said_all) {
+  LiveEdgeCounts counts = mapping_edge();
+  counts.robots[0].is_on_wire = false;
+  counts.robots[0].silent_s = 60.0;
+  EXPECT_THAT(findings(tier_status(TierId("north"), counts, kLongUp), "warning"), ElementsAre(HasSubstr("alpha")));
+  counts.robots[0].has_said_all = true;  // it is still mapped
+  EXPECT_THAT(tier_status(TierId("north"), counts, kLongUp)["findings"], IsEmpty());
+}
+
 TEST(LiveStatus, knows_when_a_robot_is_done) {
   LiveRobotCounts counts;
   counts.messages = 5;

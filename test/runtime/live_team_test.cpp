@@ -238,6 +238,18 @@ TEST(LiveRequests, are_read_as_they_were_written) {
     EXPECT_THROW(decode_live_requests(bad, plan, "here"), Error) << bad;
 }
 
+TEST_F(LiveTeam, waits_for_no_robot_that_has_said_all) {
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  for (const auto& robot : robots) ASSERT_TRUE(robot->wait(kPatience));
+  for (const auto& entry : edges)
+    for (const LiveEdgeCounts::Robot& robot : entry.second->counts().robots)
+      EXPECT_TRUE(robot.has_said_all) << robot.id.str();
+  result();
+}
+
 TEST_F(LiveTeam, counts_the_scans_that_a_robot_has_no_room_for) {
   options.speed = 1000.0;
   options.robot_buffer_kb = 8;

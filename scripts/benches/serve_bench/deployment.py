@@ -1,6 +1,7 @@
 """A deployment on this machine, as users start it: a broker, a cloud, edges and robots; what they say of themselves, and what they use."""
 import http.client
 import json
+import math
 import os
 import pathlib
 import re
@@ -139,6 +140,11 @@ class Watch(threading.Thread):
 
     def newest(self, tier):
         return {robot: seen[-1][1] for robot, seen in self.shown[tier].items()}
+
+    def between_previews_s(self, tier):
+        """Of the last two that showed something new."""
+        times = sorted({round(clock, 1) for seen in self.shown[tier].values() for clock, _ in seen})
+        return times[-1] - times[-2] if len(times) > 1 else math.nan
 
     def links(self, tier):
         """{robot: counts} of an edge."""

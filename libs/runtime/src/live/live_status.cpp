@@ -147,7 +147,7 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
     if (robot.has_ended) status["ended"].push_back(robot.id.str());
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
-    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_ended,
+    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_said_all,
                                    robot.silent_s,
                                    {{"taken", robot.taken},
                                     {"stored", robot.stored},

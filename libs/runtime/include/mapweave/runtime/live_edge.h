@@ -31,6 +31,7 @@ struct LiveEdgeCounts {
     std::uint64_t scans = 0, lost_scans = 0;          // of those mapped; that the robot had no room for
     std::size_t queue_bytes = 0;                      // that wait to be mapped
     bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
+    bool has_said_all = false;                        // nothing of it is awaited, though it may still have to be mapped
     std::optional<double> silent_s;                   // since it said something; none: it never did
     bool is_member = true;  // else the coordinator has given it to another edge, and what is here does not count
   };
