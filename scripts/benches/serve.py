@@ -40,7 +40,8 @@ FLAT_M_PER_S = 0.336   # robots of the simulation, turns included
 CAMERA_WORLD = """\
 seed: 7
 cameras:
-  - {{id: front, kind: rgbd, width: 160, height: 120, fx: 131, fy: 131, frames_per_second: 8}}
+  - {{id: front, kind: rgbd, width: 320, height: 240, fx: 262, fy: 262, frames_per_second: 10}}
+look: {{posters_per_10_m: 3}}
 buildings:
   - {{kind: apartment, furniture: {{round: 0.3}}, apartment: {{width_m: 18, height_m: 13}}}}
 robots:
@@ -80,15 +81,15 @@ class Team:
 
     def outputs_of_run(self):
         folder = self.folder / "run"
-        if not folder.exists():
-            common.mapweave("run", self.configuration, "--out", folder)
+        if not folder.exists() or folder.stat().st_mtime < common.PROGRAM.stat().st_mtime:   # of another program
+            common.mapweave("run", self.configuration, "--out", folder, "--force")
         return outputs(folder)
 
 
-def write_configuration(folder, logs, edges):
+def write_configuration(folder, logs, edges, sensor="laser"):
     path = folder / "run.yaml"
     lines = [f"  - {{id: {robot}, log: {json.dumps(str(folder / log))}, edge: {edges[robot]}}}\n" for robot, log in logs.items()]
-    path.write_text("output: {report: false}\nrobots:\n" + "".join(lines))
+    path.write_text(f"sensor: {sensor}\noutput: {{report: false}}\nrobots:\n" + "".join(lines))
     return path
 
 
@@ -258,23 +259,25 @@ def cameras(arguments, seconds):
     robots = "".join(f"  - {{id: {name}, edge: {edges[name]}, length_m: {0.3 * seconds:.1f}, first_room: {i % 4}}}\n" for i, name in enumerate(names))
     (folder / "world.yaml").write_text(CAMERA_WORLD.format() + robots)
     common.mapweave("simulate", folder / "world.yaml", "--out", folder / "logs", "--force")
-    frames = 0
+    frames, driven_s = 0, 0.0
     for name in names:
         contents = json.loads(common.mapweave("inspect", folder / f"logs/{name}.rawlog", "--json")[1])
-        frames += max(sensor["count"] for sensor in contents["sensors"])
-    deployment = live.Deployment(folder, folder / "logs/run.yaml", edges, {"preview_period_s": 2.0}, 0.25)
-    yield loaded(deployment, "8 robots with cameras, 160 x 120, 8 frames/s", seconds, frames, frames_of)
+        frames += sum(sensor["count"] for sensor in contents["sensors"] if "camera" in sensor)
+        driven_s = max(driven_s, contents["duration_s"])
+    configuration = write_configuration(folder, {name: f"logs/{name}.rawlog" for name in names}, edges, "rgbd")
+    deployment = live.Deployment(folder, configuration, edges, {"preview_period_s": 2.0}, 0.25)
+    yield loaded(deployment, "8 robots with depth cameras, 320 x 240, 10 frames/s", driven_s, frames, frames_of)
 
 
 def frames_of(maps):
-    return sum(robot.get("frames", robot.get("scans", 0)) for robot in json.loads((maps / "summary.json").read_text())["robots"])
+    return sum(camera["frames"] for robot in json.loads((maps / "summary.json").read_text())["robots"] for camera in robot["cameras"])
 
 
 def load_cells(row):
     use, count = row["use"], row["robots"]
     sizes = ", ".join(f"{use[kind]['peak_mb']:.0f}" for kind in ("robots", "edges", "cloud", "broker"))
     processors = ", ".join(f"{value:.3f}" for value in (use["robots"]["cores"] / count, use["edges"]["cores"], use["cloud"]["cores"], use["broker"]["cores"]))
-    return (row["team"], row["sensed"], row["missing"], processors, sizes, f"{use['robots']['sent'] / count:.1f}, {use['robots']['received'] / count:.1f}",
+    return (row["team"], row["sensed"], row["missing"], f"{row['drive_s']:.0f} s of {row['seconds']:.0f} s", processors, sizes, f"{use['robots']['sent'] / count:.1f}, {use['robots']['received'] / count:.1f}",
             f"{use['cloud']['received']:.1f}, {use['cloud']['sent']:.1f}")
 
 
@@ -361,7 +364,7 @@ def stopped(deployment, seconds, _, showing):
 def faults(arguments, seconds):
     speed = FAULTS_SPEED
     team = Team("intel", 3, seconds)
-    team.outputs_of_run()
+    team.outputs_of_run()   # before programs compete with it
     showing = {robot: stamps_that_show(team.trajectory(team.folder / "run", robot)) for robot in team.cuts}
     for what, disturb in ((f"{KILLS} x each of 6 programs and the broker killed, seed {arguments.seed}", killed), (f"the broker stopped for {STOPPED_S:g} s", stopped)):
         before = load_average()
@@ -432,7 +435,7 @@ def flat_cells(row):
 
 
 # Title of the table, its columns, cells of a row.
-LOAD_HEADERS = ("team", "scans or frames", "missing in the map", "processors: a robot, all edges, the cloud, the broker", "peak, MB: a robot, an edge, the cloud, the broker", "a robot's wire, kB/s: up, down", "the cloud's wires, kB/s: up, down")
+LOAD_HEADERS = ("team", "scans or frames", "missing in the map", "drive", "processors: a robot, all edges, the cloud, the broker", "peak, MB: a robot, an edge, the cloud, the broker", "a robot's wire, kB/s: up, down", "the cloud's wires, kB/s: up, down")
 TABLES = {
     "same": ("The maps of `run`, byte for byte", ("team", "scans", "times sensor speed", "drive", "map after it", "files", "different"), same_cells),
     "latency": ("From a scan to previews that have it, at sensor speed", ("team", "scans that show something", "previews every", "edge, median", "p95", "longest once shown", "a robot is shown after, at most", "cloud, median", "p95", "longest once shown", "a robot is shown after, at most"), latency_cells),
