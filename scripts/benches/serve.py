@@ -459,7 +459,7 @@ def run(arguments):
     common.need(common.PROGRAM, "run scripts/build")
     if live.BROKER is None:
         common.give_up("there is no nats-server; it is a Debian package of this name")
-    tables, missed, kept = tables_of(common.results_text("serve")), [], common.OUT / "serve.json"
+    tables, missed, kept = {}, [], common.OUT / "serve.json"
     measured = json.loads(kept.read_text())["parts"] if kept.exists() else {}
     for part in arguments.parts:
         measure, seconds = PARTS[part]
@@ -473,6 +473,7 @@ def run(arguments):
         tables[title] = text
         print(f"{title}:\n\n{text}\n")
         common.write_json("serve", {"machine": common.machine(), "commit": common.commit(), "parts": measured})
+    tables = {**tables_of(common.results_text("serve")), **tables}
     ordered = [(title, tables[title]) for title, _, _ in TABLES.values() if title in tables]
     text = "\n\n".join(f"{title}:\n\n{table}" for title, table in ordered) + f"\n\nMeasured by `scripts/bench serve` on {common.machine()}, all programs on one machine."
     if not (arguments.dry_run or arguments.seconds or arguments.rows):
