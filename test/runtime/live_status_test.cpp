@@ -29,6 +29,7 @@ LiveCloudCounts collecting_cloud() {
   counts.previews = 7;
   counts.maps = 3;
   counts.joint = {{MapId("alpha"), MapId("beta")}};
+  counts.newest_scans = {{RobotId("beta"), Stamp{1'500'000'000}}};
   return counts;
 }
 
@@ -59,6 +60,7 @@ TEST(LiveStatus, says_what_a_cloud_has_and_of_whom) {
   EXPECT_EQ(status["state"], "collecting");
   EXPECT_EQ(status["counts"]["preview_maps"], 3);
   EXPECT_EQ(status["joint"], Json::parse(R"([["alpha", "beta"]])"));
+  EXPECT_EQ(status["newest_scan_s"], Json::parse(R"({"beta": 1.5})"));
   ASSERT_EQ(status["links"].size(), 2u);
   EXPECT_EQ(status["links"][0]["counts"]["taken"], 12);
   EXPECT_EQ(status["links"][0]["silent_seconds"], 0.5);
@@ -97,6 +99,15 @@ TEST(LiveStatus, says_what_an_edge_maps_and_what_it_could_not) {
                                                        HasSubstr("2 messages"), "robot alpha had no room for 4 scans"));
   counts.is_fused = true;
   EXPECT_EQ(tier_status(TierId("north"), counts, kLongUp)["state"], "merged");
+}
+
+TEST(LiveStatus, misses_no_robot_that_has_said_all) {
+  LiveEdgeCounts counts = mapping_edge();
+  counts.robots[0].is_on_wire = false;
+  counts.robots[0].silent_s = 60.0;
+  EXPECT_THAT(findings(tier_status(TierId("north"), counts, kLongUp), "warning"), ElementsAre(HasSubstr("alpha")));
+  counts.robots[0].has_said_all = true;  // it is still mapped
+  EXPECT_THAT(tier_status(TierId("north"), counts, kLongUp)["findings"], IsEmpty());
 }
 
 TEST(LiveStatus, knows_when_a_robot_is_done) {

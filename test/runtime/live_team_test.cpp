@@ -127,6 +127,24 @@ std::size_t nodes_of(const std::shared_ptr<const LivePreview>& preview, const st
   return count;
 }
 
+// Counts of a tier and its preview, while it may make the next one.
+template <class Tier>
+void expect_newest_scans_of(const Tier& tier) {
+  const std::map<RobotId, Stamp> before = tier.counts().newest_scans;
+  std::map<RobotId, Stamp> shown;
+  for (const LivePreview::Part& part : tier.preview()->parts)
+    for (const auto& [id, node] : part.map.nodes) {
+      Stamp& newest = shown[id.session.client.robot];
+      newest = std::max(newest, node.stamp);
+    }
+  const std::map<RobotId, Stamp> after = tier.counts().newest_scans;
+  EXPECT_FALSE(before.empty());
+  for (const auto& [robot, stamp] : before) {
+    EXPECT_LE(stamp, shown[robot]) << robot.str();
+    EXPECT_LE(shown[robot], after.at(robot)) << robot.str();
+  }
+}
+
 TEST_F(LiveTeam, shows_previews_while_robots_drive) {
   options.speed = 8.0;
   keeps_previews = true;
@@ -141,6 +159,8 @@ TEST_F(LiveTeam, shows_previews_while_robots_drive) {
       [&] { return nodes_of(cloud->preview(), "beta") > 10 && nodes_of(edges.at("north")->preview(), "gamma") > 10; });
   EXPECT_EQ(nodes_of(edges.at("north")->preview(), "beta"), 0u) << "it is of another edge";
   EXPECT_GE(cloud->counts().previews, cloud->preview()->number);
+  expect_newest_scans_of(*cloud);
+  expect_newest_scans_of(*edges.at("north"));
   EXPECT_LT(cloud->counts().edges.front().silent_s.value(), kPatience.count());
   EXPECT_TRUE(edges.at("north")->counts().cloud_silent_s);
   await([&] { return !cloud->counts().joint.empty() || cloud->counts().is_sealing; });
@@ -216,6 +236,18 @@ TEST(LiveRequests, are_read_as_they_were_written) {
         R"({"refused":[],"starts":{"beta":{"x_m":1e9,"y_m":0,"yaw_rad":0,"sigma_m":1,"sigma_rad":1}}})",
         R"({"refused":[],"starts":{"beta":{"x_m":1,"y_m":0,"yaw_rad":0,"sigma_m":1,"sigma_rad":0}}})"})
     EXPECT_THROW(decode_live_requests(bad, plan, "here"), Error) << bad;
+}
+
+TEST_F(LiveTeam, waits_for_no_robot_that_has_said_all) {
+  start_cloud();
+  start_edge("north");
+  start_edge("south");
+  start_robots();
+  for (const auto& robot : robots) ASSERT_TRUE(robot->wait(kPatience));
+  for (const auto& entry : edges)
+    for (const LiveEdgeCounts::Robot& robot : entry.second->counts().robots)
+      EXPECT_TRUE(robot.has_said_all) << robot.id.str();
+  result();
 }
 
 TEST_F(LiveTeam, counts_the_scans_that_a_robot_has_no_room_for) {

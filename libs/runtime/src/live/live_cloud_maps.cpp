@@ -184,6 +184,7 @@ void LiveCloud::State::preview() {
   const std::unique_ptr<Progress> silent = make_silent_progress();
   std::vector<std::vector<MapId>> joint;
   std::vector<std::string> apart;
+  std::map<RobotId, Stamp> newest;
   std::shared_ptr<const LivePreview> next;
   try {
     const fusion::FusionResult& result = rounds.fuse(site.pool, *silent);
@@ -192,6 +193,7 @@ void LiveCloud::State::preview() {
     for (const Verdict& verdict : result.verdicts)
       if (verdict.decision != Decision::accepted && !verdict.in_one_map)
         apart.push_back(verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(verdict));
+    newest = newest_scans(rounds);
     if (site.keeps_previews) next = preview_of(rounds, counts.previews + 1);
   } catch (const Interrupted&) {  // who was told to end ends this
     return;
@@ -208,6 +210,7 @@ void LiveCloud::State::preview() {
   counts.joint = std::move(joint);
   counts.apart = std::move(apart);
   counts.maps = rounds.maps().size();
+  counts.newest_scans = std::move(newest);
 }
 
 void LiveCloud::State::ask(const TierId& edge, std::vector<std::pair<std::string, std::string>> words) {

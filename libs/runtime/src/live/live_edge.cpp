@@ -129,6 +129,7 @@ void LiveEdge::State::replay() {
 
 void LiveEdge::State::keep(Robot& robot, Sensed sensed, std::size_t bytes) {
   robot.queue_bytes += bytes;
+  robot.has_said_all = robot.has_said_all || std::holds_alternative<StreamEnd>(sensed.body);
   robot.queue.emplace_back(std::move(sensed), bytes);
   if (!robot.mapper.joinable()) robot.mapper = std::thread([this, &robot] { map(robot); });
   changed.notify_all();
@@ -256,7 +257,7 @@ void LiveEdge::State::say_who_is_missing() const {
     const bool is_here = std::any_of(links.begin(), links.end(), [&robot = robot](const Link& link) {
       return link.robot == &robot && !link.is_closed;
     });
-    if (!is_here && !robot.has_ended && robot.is_member)
+    if (!is_here && !robot.has_said_all && robot.is_member)
       log(LogLevel::warning, "edge " + edge.str() + " waits for robot " + name.str() + ": it is not on the wire");
   }
   if (!cloud->is_welcome() && !counts.is_done)
@@ -385,6 +386,7 @@ LiveEdgeCounts LiveEdge::counts() const {
     one.lost_scans = robot.lost_scans;
     one.queue_bytes = robot.queue_bytes;
     one.has_ended = robot.has_ended;
+    one.has_said_all = robot.has_said_all;
     one.is_member = robot.is_member;
     one.silent_s = seconds_since(robot.received_at);
     one.is_on_wire = std::any_of(state.links.begin(), state.links.end(), [&robot = robot](const State::Link& link) {

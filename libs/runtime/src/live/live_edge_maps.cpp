@@ -309,12 +309,14 @@ void LiveEdge::State::preview() {
   const fusion::FusionResult& result = rounds->fuse(site.pool, *silent);
   for (const fusion::Component& component : result.components)
     if (component.members.size() > 1) joint.push_back(component.members);
+  std::map<RobotId, Stamp> newest = newest_scans(*rounds);
   std::shared_ptr<const LivePreview> next;
   if (site.keeps_previews) next = preview_of(*rounds, counts.previews + 1);
   const std::lock_guard lock(mutex);
   shown = std::move(next);
   ++counts.previews;
   counts.joint = std::move(joint);
+  counts.newest_scans = std::move(newest);
   // What is new goes up later where much waits already.
   if (begins_rounds || cloud->waiting_bytes() >= site.options.wire.window_bytes()) {
     begins_rounds = begins_rounds || is_anew;

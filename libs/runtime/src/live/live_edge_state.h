@@ -30,7 +30,8 @@ struct LiveEdge::State {
     std::size_t queue_bytes = 0;
     std::optional<tiers::RobotOutcome> outcome;
     bool has_ended = false, is_member = false;
-    std::string map_report;  // the last one, encoded; empty: none yet
+    bool has_said_all = false;  // its end came; it may still have to be mapped
+    std::string map_report;     // the last one, encoded; empty: none yet
     std::optional<Clock::time_point> received_at;
     std::shared_ptr<const Map> so_far;  // growing_part of its map
     std::shared_ptr<const Map> own;     // for who looks: its map so far; once it has ended, its map

@@ -77,6 +77,16 @@ std::shared_ptr<const LivePreview> preview_of(const tiers::RoundMerger& rounds, 
   return preview;
 }
 
+std::map<RobotId, Stamp> newest_scans(const tiers::RoundMerger& rounds) {
+  std::map<RobotId, Stamp> newest;
+  for (const fusion::Component& component : rounds.result().components)
+    for (const auto& [id, node] : component.map.nodes) {
+      const auto place = newest.emplace(id.session.client.robot, node.stamp).first;
+      place->second = std::max(place->second, node.stamp);
+    }
+  return newest;
+}
+
 nlohmann::ordered_json preview_json(const LivePreview& preview, const std::vector<std::string>& robots,
                                     const fusion::ComposeOptions& options) {
   nlohmann::ordered_json maps = nlohmann::ordered_json::array();

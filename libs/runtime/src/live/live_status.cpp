@@ -35,6 +35,13 @@ Json joint_json(const std::vector<std::vector<MapId>>& joint) {
   return groups;
 }
 
+// Seconds by robot.
+Json seconds_json(const std::map<RobotId, Stamp>& stamps) {
+  Json seconds = Json::object();
+  for (const auto& [robot, stamp] : stamps) seconds[robot.str()] = stamp.seconds();
+  return seconds;
+}
+
 Json link(const char* role, const std::string& name, bool is_on_wire, bool is_needed,
           const std::optional<double>& silent_s, Json counts) {
   return {{"role", role},
@@ -157,6 +164,7 @@ Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
   add_plan(status, counts.plan);
   status["is_sealing"] = counts.is_sealing;
   status["joint"] = joint_json(counts.joint);
+  status["newest_scan_s"] = seconds_json(counts.newest_scans);
   status["apart"] = counts.apart;
   for (const LiveCloudCounts::Edge& edge : counts.edges)
     status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, edge.is_needed && !edge.has_fused,
@@ -179,11 +187,12 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
                       {"repeated", counts.again},    {"mapping_seconds", counts.mapping_s}};
   add_plan(status, counts.plan);
   status["joint"] = joint_json(counts.joint);
+  status["newest_scan_s"] = seconds_json(counts.newest_scans);
   status["ended"] = Json::array();
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
     if (robot.has_ended) status["ended"].push_back(robot.id.str());
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
-    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_ended,
+    status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_said_all,
                                    robot.silent_s,
                                    {{"taken", robot.taken},
                                     {"stored", robot.stored},

@@ -23,6 +23,7 @@ struct LiveCloudCounts {
   std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
   std::vector<std::string> apart;         // why pairs of maps stayed apart there, in words
   std::size_t maps = 0;                   // in the last preview
+  std::map<RobotId, Stamp> newest_scans;  // there, as LiveEdgeCounts
   bool is_sealing = false, is_done = false;
   std::string trouble;     // why it stores nothing, or cannot go on; empty: it does
   std::uint64_t plan = 0;  // that it follows

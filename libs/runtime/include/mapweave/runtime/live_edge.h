@@ -32,6 +32,7 @@ struct LiveEdgeCounts {
     std::uint64_t scans = 0, lost_scans = 0;          // of those mapped; that the robot had no room for
     std::size_t queue_bytes = 0;                      // that wait to be mapped
     bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
+    bool has_said_all = false;                        // nothing of it is awaited, though it may still have to be mapped
     std::optional<double> silent_s;                   // since it said something; none: it never did
     bool is_member = true;  // else the coordinator has given it to another edge, and what is here does not count
   };
@@ -40,6 +41,7 @@ struct LiveEdgeCounts {
   std::uint64_t unreadable = 0, again = 0;  // messages: that cannot be decoded; that came before
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
+  std::map<RobotId, Stamp> newest_scans;  // of the last preview
   std::size_t waiting_bytes = 0;          // that the cloud has not stored
   bool is_cloud_on_wire = false;
   std::optional<double> cloud_silent_s;    // as a robot's

@@ -33,6 +33,9 @@ struct LivePreview {
 // Of the last fuse().
 std::shared_ptr<const LivePreview> preview_of(const tiers::RoundMerger&, std::uint64_t number);
 
+// When the newest scan of each robot in the last fuse() was sensed. Scans that showed nothing new are not among them.
+std::map<RobotId, Stamp> newest_scans(const tiers::RoundMerger&);
+
 // As the live page draws it: {number, maps: [report::live_map()]}. Of large maps not every scan is drawn, and in larger
 // cells, so that it takes a second or two and not more. robots: as report::live_page() has them.
 nlohmann::ordered_json preview_json(const LivePreview&, const std::vector<std::string>& robots,

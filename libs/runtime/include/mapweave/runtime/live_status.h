@@ -17,9 +17,10 @@ struct StatusTerms {
   double up_s = 0.0;         // since the program began
 };
 
-// A tier: {role, name, state, is_done, counts: {name: number}, joint: [[map]], links: [...], findings: [...]}; of the
-// cloud also apart: [text], why pairs of maps are not joined yet, and is_sealing; of an edge also ended: [robot], whose
-// maps are finished; of a coordinator also groups: {edge: [robot]}, and last, its last moves in words.
+// A tier: {role, name, state, is_done, counts: {name: number}, joint: [[map]], links: [...], findings: [...]}; of an
+// edge and the cloud also newest_scan_s: {robot: stamp of its newest scan in the last preview}; of the cloud also
+// apart: [text], why pairs of maps are not joined yet, and is_sealing; of an edge also ended: [robot], whose maps are
+// finished; of a coordinator also groups: {edge: [robot]}, and last, its last moves in words.
 // A link is what the tier knows of another one that it speaks with: {role, name, is_on_wire, is_needed (something of
 // it is awaited), silent_seconds (null: it never said anything), counts}. A finding: {level: error or warning, what,
 // remedy}; an error is what nothing but somebody's help ends.
