@@ -143,6 +143,15 @@ TEST_F(NatsConnectionTest, is_made_again_after_the_broker_was_killed_or_the_wire
   EXPECT_TRUE(connection->publish("somewhere", ""));
 }
 
+TEST_F(NatsConnectionTest, asks_for_jet_stream_again_where_the_wire_is_cut) {
+  Broker broker(options());
+  const auto connection = connect(broker);
+  for (int i = 0; i < 5; ++i) {
+    connection->cut();
+    EXPECT_NO_THROW(connection->expect_jet_stream(20s));
+  }
+}
+
 TEST_F(NatsConnectionTest, says_that_a_broker_is_absent_or_has_no_jet_stream) {
   NatsOptions nowhere;
   nowhere.url = "nats://user:secret@127.0.0.1:1";

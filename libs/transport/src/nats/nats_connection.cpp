@@ -357,7 +357,13 @@ void NatsConnection::wait_until_connected(std::chrono::milliseconds patience) co
 }
 
 void NatsConnection::expect_jet_stream(std::chrono::milliseconds patience, const std::string& domain) {
-  const auto answer = request(domain.empty() ? "$JS.API.INFO" : "$JS." + domain + ".API.INFO", "", patience);
+  const auto end = std::chrono::steady_clock::now() + patience;
+  std::optional<NatsMessage> answer;
+  do {  // a connection that is lost at once is made anew
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    wait_until_connected(left);
+    answer = request(domain.empty() ? "$JS.API.INFO" : "$JS." + domain + ".API.INFO", "", left);
+  } while (!answer && std::chrono::steady_clock::now() < end);
   const std::string server = state().server, of_domain = domain.empty() ? "" : " of domain '" + domain + "'";
   if (!answer)
     throw Error(ErrorCode::kMissing, "JetStream" + of_domain + " does not answer", server,
