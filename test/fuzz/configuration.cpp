@@ -34,7 +34,7 @@ const std::vector<Kind>& kinds() {
        },
        {kTeam, ""}},
       {[](std::string_view bytes) {
-         load_and_write({{}, {}, {std::string(bytes)}});
+         load_and_write({{scratch_file("team.yaml", kTeam)}, {}, {std::string(bytes)}});
        },
        {"laser.graph.min_score=0.5", "robots.0.edge=north", "robots[1].waypoints=[{x_m: 2}]", "seed=12"}},
       {[](std::string_view bytes) {
