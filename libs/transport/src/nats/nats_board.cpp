@@ -36,7 +36,9 @@ std::chrono::system_clock::time_point time_of(const std::string& text, const std
   std::tm parts{};
   const char* rest = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &parts);
   if (rest == nullptr) throw Error(ErrorCode::kCorrupt, "a time that is none: '" + text + "'", where);
-  const double fraction = *rest == '.' ? std::strtod(rest, nullptr) : 0.0;
+  const double fraction = *rest == '.' ? std::min(1.0, std::strtod(rest, nullptr)) : 0.0;
+  if (parts.tm_year < 70 || parts.tm_year > 300)  // what a clock in nanoseconds can say
+    throw Error(ErrorCode::kCorrupt, "a message has no time: '" + text + "'", where, "see what answers as the broker");
   return std::chrono::system_clock::from_time_t(::timegm(&parts)) +
          std::chrono::duration_cast<std::chrono::system_clock::duration>(std::chrono::duration<double>(fraction));
 }
