@@ -1,6 +1,6 @@
 // A target as a program without libFuzzer: its seeds, then mutations of them for some seconds, the same ones in the
 // same order each time; or files that libFuzzer kept.
-//   fuzz_NAME [SECONDS]      unless said otherwise MAPWEAVE_FUZZ_SECONDS of the environment, or 1
+//   fuzz_NAME [SECONDS]      unless said otherwise FUZZ_SECONDS of the environment, or 1
 //   fuzz_NAME FILE...
 // An input that ends the process is left in fuzz_NAME.input in the working folder.
 
@@ -91,7 +91,7 @@ int run(int argc, char** argv) {
     const rlimit limit{kMostMemory, kMostMemory};
     ::setrlimit(RLIMIT_AS, &limit);
   }
-  const char* asked = argc < 2 ? std::getenv("MAPWEAVE_FUZZ_SECONDS") : argv[1];
+  const char* asked = argc < 2 ? std::getenv("FUZZ_SECONDS") : argv[1];
   char* end = nullptr;
   const double seconds = asked == nullptr ? 1.0 : std::strtod(asked, &end);
   if (argc < 2 || (argc == 2 && *end == '\0')) {

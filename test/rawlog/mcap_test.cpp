@@ -140,6 +140,14 @@ TEST_F(Mcap, what_is_no_recording_is_refused) {
               IsError(ErrorCode::kUnsupported, "another version of MCAP"));
 }
 
+TEST_F(Mcap, cut_within_its_first_bytes_it_is_refused) {
+  const TemporaryFolder folder;
+  for (std::size_t cut = 1; cut < kMcapMagic.size(); ++cut) {
+    const auto path = write_bytes(folder / "cut.mcap", std::string(kMcapMagic.substr(0, cut)));
+    EXPECT_THAT(read_all(path).error, IsError(ErrorCode::kCorrupt, "does not begin as one")) << cut;
+  }
+}
+
 TEST_F(Mcap, cut_at_any_byte_it_gives_what_was_whole) {
   const TemporaryFolder folder;
   for (const char* name : {"none.mcap", "zstd.mcap", "unchunked.mcap"}) {

@@ -370,7 +370,8 @@ class McapReader final : public BagReader {
 }  // namespace
 
 bool is_mcap(std::string_view start_of_file) {
-  return start_of_file.substr(0, 5) == kMcapMagic.substr(0, 5) && start_of_file.substr(6, 2) == kMcapMagic.substr(6);
+  return start_of_file.size() >= kMcapMagic.size() && start_of_file.substr(0, 5) == kMcapMagic.substr(0, 5) &&
+         start_of_file.substr(6, 2) == kMcapMagic.substr(6);
 }
 
 std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path, std::uint64_t most_bytes, bool follows) {
