@@ -39,7 +39,8 @@ TEST(Correlate, finds_the_best_pose_of_its_window_as_brute_force_does) {
       for (int x = -8; x <= 7; ++x)
         best =
             std::max(best, score_at(field, points, {guess.x + 0.05 * x, guess.y + 0.05 * y, guess.phi + 0.02 * turn}));
-  const auto found = correlate(field, points, guess, window, {1e3, 1e3});  // a prior this wide weighs nothing
+  const auto found =
+      correlate(field.likelihood(), points, guess, window, {1e3, 1e3});  // a prior this wide weighs nothing
   ASSERT_TRUE(found);
   // Whole cells move with the points: a shift of the pose is a shift of the cells.
   EXPECT_NEAR(found->score, best, 0.02);
@@ -50,8 +51,8 @@ TEST(Correlate, finds_the_best_pose_of_its_window_as_brute_force_does) {
 TEST(Correlate, works_at_the_rim_of_what_is_known) {
   const WallField field = room_field();
   const auto points = thinned(seen_from(room(), {2.0, 1.7, 0.0}), 0.1, 100);
-  EXPECT_TRUE(correlate(field, points, {8.5, 6.0, 0.0}, {0.3, 0.1, 0.02}, {}));
-  const auto nowhere = correlate(field, points, {500.0, 500.0, 0.0}, {0.3, 0.1, 0.02}, {});
+  EXPECT_TRUE(correlate(field.likelihood(), points, {8.5, 6.0, 0.0}, {0.3, 0.1, 0.02}, {}));
+  const auto nowhere = correlate(field.likelihood(), points, {500.0, 500.0, 0.0}, {0.3, 0.1, 0.02}, {});
   ASSERT_TRUE(nowhere);
   EXPECT_EQ(nowhere->score, 0.0);
 }
@@ -59,15 +60,15 @@ TEST(Correlate, works_at_the_rim_of_what_is_known) {
 TEST(Correlate, says_when_the_answer_lies_at_the_border_of_the_window) {
   const Pose2 truth{2.0, 1.7, 0.4};
   const auto points = thinned(seen_from(room(), truth), 0.1, 120);
-  const auto found = correlate(room_field(), points, {2.0, 1.7, 0.1}, {0.2, 0.1, 0.02}, {1e3, 1e3});
+  const auto found = correlate(room_field().likelihood(), points, {2.0, 1.7, 0.1}, {0.2, 0.1, 0.02}, {1e3, 1e3});
   ASSERT_TRUE(found);
   EXPECT_TRUE(found->at_border);
 }
 
 TEST(Correlate, has_no_answer_without_walls_or_points) {
-  EXPECT_FALSE(correlate(WallField(), room(), {}, {}, {}));
-  EXPECT_FALSE(correlate(room_field(), {}, {}, {}, {}));
-  EXPECT_THROW(correlate(room_field(), std::vector<WallPoint>(300), {}, {}, {}), ContractViolation);
+  EXPECT_FALSE(correlate(WallField().likelihood(), room(), {}, {}, {}));
+  EXPECT_FALSE(correlate(room_field().likelihood(), {}, {}, {}, {}));
+  EXPECT_THROW(correlate(room_field().likelihood(), std::vector<WallPoint>(300), {}, {}, {}), ContractViolation);
 }
 
 TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <tuple>
+
 namespace mapweave::matching {
 namespace {
 
@@ -64,6 +66,43 @@ TEST(WallField, keeps_the_faces_of_a_thin_wall_apart) {
   for (const auto& wall : field.walls(2.0F)) (wall.normal_y > 0 ? up : down) += 1;
   EXPECT_GE(up, 19U);
   EXPECT_GE(down, 19U);
+}
+
+TEST(SparseWallField, says_what_the_field_says_in_less_room) {
+  WallField field;
+  field.add(room());
+  field.add({{60.0F, 45.0F, 0, 1}});  // far off, and too few for a distribution
+  field.settle();
+  const SparseWallField sparse(field);
+  const auto& all = field.likelihood();
+  EXPECT_LT(sparse.bytes(), all.bytes() / 4);
+  const auto dense = sparse.likelihood().dense();
+  std::size_t faces = 0;
+  for (int y = all.first_y() - 3; y < all.first_y() + all.height() + 3; ++y)
+    for (int x = all.first_x() - 3; x < all.first_x() + all.width() + 3; ++x) {
+      ASSERT_EQ(sparse.likelihood().get(x, y), all.get(x, y)) << x << ", " << y;
+      ASSERT_EQ(dense.get(x, y), all.get(x, y)) << x << ", " << y;
+      const double x_m = (x + 0.5) * WallField::kResolution, y_m = (y + 0.5) * WallField::kResolution;
+      for (const auto& [nx, ny] : {std::pair{1.0, 0.1}, {0.1, 1.0}, {-1.0, -0.1}, {-0.1, -1.0}}) {
+        const LocalNormal *one = field.normal_at(x_m, y_m, nx, ny), *other = sparse.normal_at(x_m, y_m, nx, ny);
+        ASSERT_EQ(one == nullptr, other == nullptr) << x_m << ", " << y_m;
+        if (one == nullptr) continue;
+        ++faces;
+        ASSERT_EQ(std::tie(one->mean_x, one->mean_y, one->normal_x, one->normal_y, one->w00, one->w10, one->w11),
+                  std::tie(other->mean_x, other->mean_y, other->normal_x, other->normal_y, other->w00, other->w10,
+                           other->w11));
+      }
+    }
+  EXPECT_GT(faces, 500U);
+}
+
+TEST(SparseWallField, of_nothing_says_nothing) {
+  const SparseWallField sparse{WallField()};
+  EXPECT_TRUE(sparse.likelihood().empty());
+  EXPECT_TRUE(sparse.likelihood().dense().empty());
+  EXPECT_EQ(sparse.likelihood().get(0, 0), 0);
+  EXPECT_EQ(sparse.normal_at(0, 0, 0, 1), nullptr);
+  EXPECT_EQ(SparseWallField().normal_at(0, 0, 0, 1), nullptr);
 }
 
 TEST(WallField, takes_points_on_all_sides_of_its_origin) {

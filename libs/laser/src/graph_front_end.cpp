@@ -127,11 +127,11 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   window.radius_m = std::min(window.radius_m, kWidestWindow_m);
   const matching::PriorWeight loose{std::max(kLeastSearchSigma_m, kSearchSigmas * step.prior.sigma_m),
                                     std::max(kLeastSearchSigma_rad, kSearchSigmas * step.prior.sigma_yaw_rad)};
-  auto coarse = matching::correlate(against.field, few, guess, window, loose);
+  auto coarse = matching::correlate(against.field.likelihood(), few, guess, window, loose);
   if (coarse && coarse->at_border && coarse->score < kPoorFit) {
     window.yaw_rad *= kWiderTurn;
     window.radius_m *= kWiderShift;
-    coarse = matching::correlate(against.field, few, guess, window, loose);
+    coarse = matching::correlate(against.field.likelihood(), few, guess, window, loose);
   }
   if (!coarse) return result;
   result.coarse = coarse->field_from_scan;

@@ -69,8 +69,8 @@ void OdometryCheck::begin(Stamp stamp, const std::vector<matching::WallPoint>& p
 
 // The motion since the reference; nullopt where the scans do not show it.
 std::optional<Pose2> OdometryCheck::match(const std::vector<matching::WallPoint>& points) const {
-  const auto found = matching::correlate(reference_->field, points, {}, {kWindow_m, kWindow_rad, kWindowStep_rad},
-                                         {kWindow_m, kWindow_rad});
+  const auto found = matching::correlate(reference_->field.likelihood(), points, {},
+                                         {kWindow_m, kWindow_rad, kWindowStep_rad}, {kWindow_m, kWindow_rad});
   if (!found || found->at_border) return std::nullopt;
   const auto refined = matching::refine(reference_->field, points, found->field_from_scan, {}, nullptr);
   if (refined.inliers < kLeastInliers) return std::nullopt;

@@ -35,23 +35,21 @@ struct Later {
 class Padded {
  public:
   // `reach`: cells of the level, from its cell (middle_x, middle_y), that are asked for.
-  Padded(const Raster<std::uint8_t>& level, int middle_x, int middle_y, int reach)
+  Padded(const SparseRaster<std::uint8_t>& level, int middle_x, int middle_y, int reach)
       : x0_(middle_x - reach),
         y0_(middle_y - reach),
         width_(2 * reach + 1),
         cells_(static_cast<std::size_t>(width_) * width_) {
-    const int first_x = std::max(x0_, level.first_x()),
-              last_x = std::min(x0_ + width_, level.first_x() + level.width());
-    const int first_y = std::max(y0_, level.first_y() - 3),
-              last_y = std::min(y0_ + width_, level.first_y() + level.height());
-    for (int y = first_y; y < last_y && first_x < last_x; ++y) {
-      Column* to = &cells_[static_cast<std::size_t>(offset(first_x, y) - offset(x0_, y0_))];
-      for (int j = 0; j < 4; ++j) {
-        if (y + j < level.first_y() || y + j >= level.first_y() + level.height()) continue;
-        const std::uint8_t* from = level.row(first_x, y + j);
-        for (int x = 0; x < last_x - first_x; ++x) to[x][static_cast<std::size_t>(j)] = from[x];
+    level.for_each_run([&](int x, int y, const std::uint8_t* cells, int count) {
+      if (y < y0_ || y - 3 >= y0_ + width_) return;
+      const int last = std::min(count, x0_ + width_ - x);
+      for (int k = std::max(0, x0_ - x); k < last; ++k) {
+        if (cells[k] == 0) continue;
+        for (int j = std::max(0, y - y0_ - width_ + 1); j < 4 && y - j >= y0_; ++j)
+          cells_[static_cast<std::size_t>(offset(x + k, y - j) - offset(x0_, y0_))][static_cast<std::size_t>(j)] =
+              cells[k];
       }
-    }
+    });
   }
   using Column = std::array<std::uint8_t, 4>;
   int offset(int x, int y) const { return y * width_ + x; }

@@ -183,11 +183,11 @@ std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const Wid
 }
 
 // The best place of some walls of b in a narrow window.
-std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& walls, const WideWindow& window,
-                          const JudgeOptions& options) {
+std::vector<Peak> peak_of(const Raster<std::uint8_t>& likelihood, const std::vector<WallPoint>& walls,
+                          const WideWindow& window, const JudgeOptions& options) {
   constexpr std::size_t kFewest = 40;  // walls: of fewer, a share says nothing
   if (walls.size() < kFewest) return {};
-  const auto best = correlate(a.field(), some_of(walls, kNarrowPoints), window.a_from_b,
+  const auto best = correlate(likelihood, some_of(walls, kNarrowPoints), window.a_from_b,
                               {window.radius_m, window.yaw_rad, kNarrowStep_rad}, kNoPrior);
   if (!best || best->score < options.min_score) return {};
   return {{best->field_from_scan, best->score}};
@@ -253,8 +253,12 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   search.budget = static_cast<std::size_t>(options.search_budget);
   const std::vector<WallPoint> walls =
       window.known_part ? known_walls(*a.model, *b.model, window.a_from_b) : b.model->walls();
+  std::optional<Raster<std::uint8_t>> kept;
+  const auto likelihood = [&]() -> const Raster<std::uint8_t>& {
+    return kept ? *kept : kept.emplace(a.model->field().likelihood().dense());
+  };
   const auto peaks =
-      window.known_part ? peak_of(*a.model, walls, window, options) : peaks_of(*a.model, *b.model, window, search);
+      window.known_part ? peak_of(likelihood(), walls, window, options) : peaks_of(*a.model, *b.model, window, search);
   if (peaks.empty()) return judgement;
 
   struct Hypothesis {
@@ -265,7 +269,7 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   std::vector<Hypothesis> hypotheses;
   const auto coarse = some_of(walls, kCoarsePoints), fine = some_of(walls, kFinePoints);
   for (const auto& peak : peaks) {
-    const auto near = correlate(a.model->field(), coarse, peak.a_from_b, kAroundPeak, kFaintPrior);
+    const auto near = correlate(likelihood(), coarse, peak.a_from_b, kAroundPeak, kFaintPrior);
     Hypothesis hypothesis;
     hypothesis.match =
         refine(a.model->field(), fine, near ? near->field_from_scan : peak.a_from_b, {}, nullptr, kRefinements);

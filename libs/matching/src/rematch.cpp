@@ -106,7 +106,13 @@ class SubmapMatcher {
       : submap_(submap), number_(number), options_(options) {
     model_ = models != nullptr ? models->find(submap.content) : nullptr;
     if (model_ != nullptr && model_->is_raster()) model_ = nullptr;  // scans are matched to scans
-    if (model_ == nullptr) made_ = field_of(submap, map.nodes);
+    if (model_ != nullptr) {
+      likelihood_ = model_->field().likelihood().dense();
+    } else {
+      const WallField field = field_of(submap, map.nodes);
+      likelihood_ = field.likelihood();
+      made_ = SparseWallField(field);
+    }
     members_.reserve(submap.submap_from_node.size());
     for (const auto& [id, pose] : submap.submap_from_node)
       members_.push_back({planar(map.nodes.find(id)->map_from_node), planar(pose)});
@@ -121,10 +127,10 @@ class SubmapMatcher {
     const Pose2 here = planar(node.map_from_node);
     const Member& near_node = members_[nearest_to(here, &Member::map_from_node)];
     const Pose2 expected = compose(near_node.submap_from_node, between(near_node.map_from_node, here));
-    const WallField& field = model_ == nullptr ? made_ : model_->field();
-    const auto coarse = correlate(field, points, expected, {0.15, 0.018, 0.006}, {0.2, 0.05});
+    const auto coarse = correlate(likelihood_, points, expected, {0.15, 0.018, 0.006}, {0.2, 0.05});
     if (!coarse) return std::nullopt;
-    const ScanMatch match = refine(field, points, coarse->field_from_scan, {}, nullptr, 15);
+    const ScanMatch match =
+        refine(model_ != nullptr ? model_->field() : made_, points, coarse->field_from_scan, {}, nullptr, 15);
     const Pose2 correction = between(expected, match.field_from_scan);
     if (match.inliers < options_.min_inliers || std::hypot(correction.x, correction.y) > options_.max_correction_m ||
         std::abs(correction.phi) > options_.max_correction_rad)
@@ -166,7 +172,8 @@ class SubmapMatcher {
   std::uint32_t number_;
   const RematchOptions& options_;
   std::shared_ptr<const SubmapModel> model_;  // null: the field is made
-  WallField made_;
+  SparseWallField made_;
+  Raster<std::uint8_t> likelihood_;  // of the field
   std::vector<Member> members_;
 };
 

@@ -102,9 +102,8 @@ void place(const std::vector<WallPoint>& points, const Pose2& field_from_scan,
 
 }  // namespace
 
-std::optional<Correlation> correlate(const WallField& field, const std::vector<WallPoint>& points, const Pose2& guess,
-                                     const SearchWindow& window, const PriorWeight& weight) {
-  const auto& grid = field.likelihood();
+std::optional<Correlation> correlate(const Raster<std::uint8_t>& grid, const std::vector<WallPoint>& points,
+                                     const Pose2& guess, const SearchWindow& window, const PriorWeight& weight) {
   if (grid.empty() || points.empty()) return std::nullopt;
   MAPWEAVE_EXPECT(points.size() <= 256, "a 16-bit sum holds 256 points of 8 bits");
   const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m * (1.0 / WallField::kResolution))));
@@ -149,8 +148,11 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
   return result;
 }
 
-ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, const Pose2& start,
-                 const Pose2& prior_pose, const PriorWeight* prior, int iterations) {
+namespace {
+
+template <class Field>
+ScanMatch refined(const Field& field, const std::vector<WallPoint>& points, const Pose2& start, const Pose2& prior_pose,
+                  const PriorWeight* prior, int iterations) {
   ScanMatch match;
   match.field_from_scan = start;
   if (points.empty()) return match;
@@ -227,6 +229,18 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
   rotation(1, 1) = c;
   match.information = rotation.transpose() * hessian * rotation;
   return match;
+}
+
+}  // namespace
+
+ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, const Pose2& start,
+                 const Pose2& prior_pose, const PriorWeight* prior, int iterations) {
+  return refined(field, points, start, prior_pose, prior, iterations);
+}
+
+ScanMatch refine(const SparseWallField& field, const std::vector<WallPoint>& points, const Pose2& start,
+                 const Pose2& prior_pose, const PriorWeight* prior, int iterations) {
+  return refined(field, points, start, prior_pose, prior, iterations);
 }
 
 }  // namespace mapweave::matching

@@ -117,15 +117,16 @@ void see_through(const Pose2& eye, const std::vector<WallPoint>& points, Raster<
 
 SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes) {
   MAPWEAVE_EXPECT(submap.frozen, "only frozen submaps are matched");
-  look(submap, nodes);
-  field_.settle();
-  find_walls();
-  field_.finish();
+  WallField field;
+  look(submap, nodes, field);
+  field.settle();
+  find_walls(field);
+  field_ = SparseWallField(field);
   build_pyramid();
   describe();
 }
 
-void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from_node) {
+void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from_node, WallField& field) {
   is_raster_ = true;
   const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
   std::vector<WallPoint> points;
@@ -153,7 +154,7 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
       }
     }
   // A raster's wall cell stands for several hits, so that one cell is enough to be a wall.
-  for (int i = 0; i < 3; ++i) field_.add(points);
+  for (int i = 0; i < 3; ++i) field.add(points);
   // Nobody says where its maker stood: viewpoints are where there is room, the middle of the tile's free cells.
   double x = 0, y = 0;
   std::size_t count = 0;
@@ -171,7 +172,7 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
     path_.push_back(submap_from_node);
 }
 
-void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
+void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes, WallField& field) {
   Raster<Counts> counts;
   std::optional<Pose2> last;
   struct Scan {
@@ -186,7 +187,7 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
     MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr, "a frozen submap names nodes with payloads");
     const Pose2 submap_from_node = planar(pose);
     if (const auto* grid = std::get_if<OccupancyGrid>(node->payload.get())) {
-      add_raster(*grid, submap_from_node);
+      add_raster(*grid, submap_from_node, field);
       continue;
     }
     const auto* packed_scan = std::get_if<PackedScan>(node->payload.get());
@@ -203,9 +204,9 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
     scans.push_back({eye, std::move(points), !is_near_last});
   }
   if (!walls_box.isEmpty())
-    field_.reserve(walls_box.min().x(), walls_box.min().y(), walls_box.max().x(), walls_box.max().y());
+    field.reserve(walls_box.min().x(), walls_box.min().y(), walls_box.max().x(), walls_box.max().y());
   for (const Scan& scan : scans) {
-    field_.add(scan.points);
+    field.add(scan.points);
     if (scan.shows_free_space) see_through(scan.eye, scan.points, counts);
   }
   if (counts.empty()) {
@@ -230,8 +231,8 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
       known_cells_ += sight_.at(x, y) != Sight::unknown;
 }
 
-void SubmapModel::find_walls() {
-  for (const auto& wall : field_.walls(2.0F))
+void SubmapModel::find_walls(const WallField& field) {
+  for (const auto& wall : field.walls(2.0F))
     if (sight_.get(cell_of(wall.x, kInverseSight), cell_of(wall.y, kInverseSight)) == Sight::wall)
       walls_.push_back(wall);
   const std::size_t count = std::min(kQueryPoints, walls_.size());
@@ -261,9 +262,9 @@ void SubmapModel::build_pyramid() {
         cell = std::max(cell, static_cast<std::uint8_t>(i == 0 && j == 0 ? 255 : i == 0 || j == 0 ? 170 : 115));
       }
   }
-  pyramid_[0] = std::move(base);
+  pyramid_[0] = SparseRaster<std::uint8_t>(base);
+  Raster<std::uint8_t> below = std::move(base);
   for (std::size_t level = 1; level < pyramid_.size(); ++level) {
-    const auto& below = pyramid_[level - 1];
     const int x0 = (below.first_x() >> 2) - 2, y0 = (below.first_y() >> 2) - 2;
     const int x1 = (below.first_x() + below.width() - 1) >> 2, y1 = (below.first_y() + below.height() - 1) >> 2;
     Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
@@ -280,7 +281,8 @@ void SubmapModel::build_pyramid() {
         for (int j = (y >> 2) - 1; j <= y >> 2; ++j)
           for (int i = (x >> 2) - 1; i <= x >> 2; ++i) plain.at(i, j) = std::max(plain.at(i, j), value);
       }
-    pyramid_[level] = std::move(plain);
+    pyramid_[level] = SparseRaster<std::uint8_t>(plain);
+    below = std::move(plain);
   }
 }
 

@@ -40,6 +40,11 @@ Direction turned(float x, float y) {
 
 std::size_t quadrant_of(const Direction& d) { return (d.u < 0 ? 1U : 0U) + (d.v < 0 ? 2U : 0U); }
 
+std::size_t side_facing(double normal_x, double normal_y) {
+  const Direction facing = turned(static_cast<float>(normal_x), static_cast<float>(normal_y));
+  return std::abs(facing.u) >= std::abs(facing.v) ? (facing.u >= 0 ? 0 : 2) : (facing.v >= 0 ? 1 : 3);
+}
+
 // Of n points with these sums; the mean relative to where the sums are.
 LocalNormal local_normal(float n, float x, float y, float xx, float xy, float yy) {
   const float mx = x / n, my = y / n;
@@ -89,12 +94,6 @@ void WallField::reserve(double low_x, double low_y, double high_x, double high_y
     cell_index_.grow(cx0, cy0, cx1, cy1);
     sides_index_.grow(cx0, cy0, cx1, cy1);
   }
-}
-
-void WallField::finish() {
-  cells_ = {};
-  cell_index_ = {};
-  touched_ = {};
 }
 
 void WallField::add(const std::vector<WallPoint>& points_in_field) {
@@ -202,9 +201,7 @@ void WallField::update(int cell_x, int cell_y, Sides& sides) {
 const LocalNormal* WallField::normal_at(double x, double y, double normal_x, double normal_y) const {
   const std::int32_t index = sides_index_.get(cell_of(x, kInverseCellSide), cell_of(y, kInverseCellSide));
   if (sides_index_.empty() || index < 0) return nullptr;
-  const Direction facing = turned(static_cast<float>(normal_x), static_cast<float>(normal_y));
-  const std::size_t side = std::abs(facing.u) >= std::abs(facing.v) ? (facing.u >= 0 ? 0 : 2) : (facing.v >= 0 ? 1 : 3);
-  const std::int32_t normal = sides_[static_cast<std::size_t>(index)].normals[side];
+  const std::int32_t normal = sides_[static_cast<std::size_t>(index)].normals[side_facing(normal_x, normal_y)];
   return normal < 0 ? nullptr : &normals_[static_cast<std::size_t>(normal)];
 }
 
@@ -234,10 +231,37 @@ std::vector<WallPoint> WallField::walls(float min_count) const {
   return walls;
 }
 
-std::size_t WallField::bytes() const {
-  return likelihood_.bytes() + cell_index_.bytes() + sides_index_.bytes() + cells_.capacity() * sizeof(Cell) +
-         sides_.capacity() * sizeof(Sides) + normals_.capacity() * sizeof(LocalNormal) +
-         touched_.capacity() * sizeof(touched_.front());
+SparseWallField::SparseWallField(const WallField& settled) : likelihood_(settled.likelihood_) {
+  Raster<std::int32_t> sides = settled.sides_index_;
+  for (int y = sides.first_y(); y < sides.first_y() + sides.height(); ++y)
+    for (int x = sides.first_x(); x < sides.first_x() + sides.width(); ++x) {
+      std::int32_t& cell = sides.at(x, y);
+      if (cell < 0) continue;
+      const auto& normals = settled.sides_[static_cast<std::size_t>(cell)].normals;
+      const auto first = static_cast<std::int32_t>(normals_.size());
+      std::int32_t present = 0;
+      for (std::size_t side = 0; side < normals.size(); ++side) {
+        if (normals[side] < 0) continue;
+        present |= std::int32_t{1} << side;
+        normals_.push_back(settled.normals_[static_cast<std::size_t>(normals[side])]);
+      }
+      cell = present == 0 ? -1 : first * 16 + present;
+    }
+  sides_ = SparseRaster<std::int32_t>(sides);
+  normals_.shrink_to_fit();
+}
+
+const LocalNormal* SparseWallField::normal_at(double x, double y, double normal_x, double normal_y) const {
+  const std::int32_t sides = sides_.get(cell_of(x, kInverseCellSide), cell_of(y, kInverseCellSide));
+  if (sides_.empty() || sides < 0) return nullptr;
+  const auto side = std::int32_t{1} << side_facing(normal_x, normal_y);
+  if ((sides & side) == 0) return nullptr;
+  const auto before = static_cast<std::size_t>(__builtin_popcount(static_cast<unsigned>(sides & (side - 1))));
+  return &normals_[static_cast<std::size_t>(sides / 16) + before];
+}
+
+std::size_t SparseWallField::bytes() const {
+  return likelihood_.bytes() + sides_.bytes() + normals_.capacity() * sizeof(LocalNormal);
 }
 
 }  // namespace mapweave::matching

@@ -70,10 +70,11 @@ WallSight::WallSight(const SubmapModel& model) {
         if (sight.at(x, y) != Sight::unknown)
           cell(x, y) = static_cast<std::uint8_t>(static_cast<unsigned>(seen.at(x, y)) << 4U);
   }
-  for (int y = walls.first_y(); y < walls.first_y() + walls.height(); ++y)
-    for (int x = walls.first_x(); x < walls.first_x() + walls.width(); ++x)
-      if (walls.at(x, y) > kNearWall)
+  walls.for_each_run([&](int first, int y, const std::uint8_t* cells, int count) {
+    for (int x = first; x < first + count; ++x)
+      if (cells[x - first] > kNearWall)
         cell(half(x), half(y)) |= static_cast<std::uint8_t>(1U << static_cast<unsigned>((x & 1) + 2 * (y & 1)));
+  });
   find_wall_blocks();
 }
 

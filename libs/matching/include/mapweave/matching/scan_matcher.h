@@ -38,13 +38,17 @@ struct Correlation {
   double score = 0.0;
   bool at_border = false;
 };
-std::optional<Correlation> correlate(const WallField&, const std::vector<WallPoint>& points_in_scan,
-                                     const Pose2& field_from_scan_guess, const SearchWindow&,
-                                     const PriorWeight& weight);
+// `likelihood`: of a wall field.
+std::optional<Correlation> correlate(const Raster<std::uint8_t>& likelihood,
+                                     const std::vector<WallPoint>& points_in_scan, const Pose2& field_from_scan_guess,
+                                     const SearchWindow&, const PriorWeight& weight);
 
 // Refines a pose that is within about 0.15 m and 2 degrees of the answer. `prior` (may be null) pulls towards
 // `field_from_scan_prior`.
 ScanMatch refine(const WallField&, const std::vector<WallPoint>& points_in_scan, const Pose2& field_from_scan_start,
                  const Pose2& field_from_scan_prior, const PriorWeight* prior, int iterations = 12);
+ScanMatch refine(const SparseWallField&, const std::vector<WallPoint>& points_in_scan,
+                 const Pose2& field_from_scan_start, const Pose2& field_from_scan_prior, const PriorWeight* prior,
+                 int iterations = 12);
 
 }  // namespace mapweave::matching

@@ -31,13 +31,13 @@ class SubmapModel {
   // Throws ContractViolation for a submap that is not frozen or names unknown nodes.
   SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes);
 
-  const WallField& field() const { return field_; }
+  const SparseWallField& field() const { return field_; }
   const std::vector<WallPoint>& walls() const { return walls_; }
   const Raster<Sight>& sight() const { return sight_; }
   std::size_t known_cells() const { return known_cells_; }
   // Level k holds, at cells of kSearchResolution * 4^k, the largest likelihood of the cells [i, i + 2) * 4^k: a bound
   // for all shifts of less than 4^k cells. Level 0 is the likelihood itself, at 10 cm.
-  const std::array<Raster<std::uint8_t>, kLevels>& pyramid() const { return pyramid_; }
+  const std::array<SparseRaster<std::uint8_t>, kLevels>& pyramid() const { return pyramid_; }
   const std::vector<RingKey>& ring_keys() const { return ring_keys_; }
   const std::vector<RingKey>& far_keys() const { return far_keys_; }  // the same with wider rings: halls, and outdoors
   const std::vector<Point2f>& query() const { return query_; }  // at most 200 wall points, spread evenly, for searching
@@ -48,18 +48,18 @@ class SubmapModel {
   std::size_t bytes() const;
 
  private:
-  void look(const Submap&, const Table<NodeId, Node>&);
-  void add_raster(const OccupancyGrid&, const Pose2& submap_from_node);
-  void find_walls();
+  void look(const Submap&, const Table<NodeId, Node>&, WallField&);
+  void add_raster(const OccupancyGrid&, const Pose2& submap_from_node, WallField&);
+  void find_walls(const WallField&);
   void build_pyramid();
   void describe();
   RingKey key_at(const Pose2& submap_from_viewpoint, double ring_m) const;
 
-  WallField field_;
+  SparseWallField field_;
   Raster<Sight> sight_;
   std::vector<WallPoint> walls_;
   std::vector<Point2f> query_;
-  std::array<Raster<std::uint8_t>, kLevels> pyramid_;
+  std::array<SparseRaster<std::uint8_t>, kLevels> pyramid_;
   std::vector<RingKey> ring_keys_, far_keys_;
   std::vector<Pose2> path_;
   std::size_t known_cells_ = 0;

@@ -33,8 +33,6 @@ class WallField {
   void add(const std::vector<WallPoint>& points_in_field);
   // Room for points up to there at once; what is added beyond makes its own.
   void reserve(double low_x, double low_y, double high_x, double high_y);
-  // Gives back what only adding and walls() need; both are over then.
-  void finish();
   void settle();
 
   // 0..255: how near a wall is, whichever its side; 255 on one.
@@ -44,9 +42,9 @@ class WallField {
   const LocalNormal* normal_at(double x, double y, double normal_x, double normal_y) const;
   // Mean wall points with at least `min_count` hits, at most two a cell (faces), in a canonical order.
   std::vector<WallPoint> walls(float min_count) const;
-  std::size_t bytes() const;
 
  private:
+  friend class SparseWallField;
   struct Sums {
     float n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;  // relative to the cell's centre
     void add(const Sums& s, float offset_x, float offset_y);
@@ -69,6 +67,23 @@ class WallField {
   std::vector<LocalNormal> normals_;
   std::vector<std::pair<int, int>> touched_;
   std::uint32_t settlings_ = 0;
+};
+
+// A field to which nothing is added any more, in about a third of the room.
+class SparseWallField {
+ public:
+  SparseWallField() = default;
+  explicit SparseWallField(const WallField& settled);
+
+  const SparseRaster<std::uint8_t>& likelihood() const { return likelihood_; }  // as WallField::likelihood()
+  // As WallField::normal_at(); valid as long as the field.
+  const LocalNormal* normal_at(double x, double y, double normal_x, double normal_y) const;
+  std::size_t bytes() const;
+
+ private:
+  SparseRaster<std::uint8_t> likelihood_;
+  SparseRaster<std::int32_t> sides_;  // of a cell: its first normal * 16 + a bit for each side that has one
+  std::vector<LocalNormal> normals_;
 };
 
 }  // namespace mapweave::matching
