@@ -136,7 +136,7 @@ int main(int argc, char** argv) {
   using mapweave::ExitCode;
   using mapweave::app::complain;
   ExitCode code = ExitCode::failed;
-  mapweave::runtime::return_large_blocks();
+  mapweave::runtime::limit_kept_memory();
   mapweave::install_interrupt_handlers();
   try {
     const ExitCode ended = mapweave::app::run_program(argc, argv);

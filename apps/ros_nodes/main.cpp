@@ -150,7 +150,7 @@ int main(int argc, char** argv) {
   using mapweave::ExitCode;
   using mapweave::ros_nodes::complain;
   ExitCode code = ExitCode::failed;
-  mapweave::runtime::return_large_blocks();
+  mapweave::runtime::limit_kept_memory();
   try {
     code = mapweave::ros_nodes::run_program(argc, argv);
     std::cout.flush();

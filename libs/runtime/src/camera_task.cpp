@@ -7,7 +7,6 @@
 #include <mapweave/core/log.h>
 #include <mapweave/laser/scan_input.h>
 #include <mapweave/rawlog/observation_stream.h>
-#include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/visual/visual_client.h>
 #include <mrpt/obs/CObservationOdometry.h>
@@ -292,7 +291,6 @@ CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& config
                        Progress& progress)
     : state_(new State(robot)) {
   constexpr std::uint64_t kKilobyte = 1000;
-  keep_room_for_pictures();
   state_->rig = configuration.rig;
   state_->keep_going = keep_going;
   state_->has_server = configuration.server.share != tiers::Sharing::none;

@@ -7,18 +7,12 @@
 
 namespace mapweave::runtime {
 
-void return_large_blocks() {
+void limit_kept_memory() {
 #ifdef __GLIBC__
-  constexpr int kBytes = 128 * 1024;
-  mallopt(M_MMAP_THRESHOLD, kBytes);
-  mallopt(M_TRIM_THRESHOLD, kBytes);
-#endif
-}
-
-void keep_room_for_pictures() {
-#ifdef __GLIBC__
-  constexpr int kBytes = 2 * 1024 * 1024;
-  mallopt(M_TOP_PAD, kBytes);
+  constexpr int kLargeBlock = 4 << 20, kMostFree = 64 << 20, kFetched = 16 << 20;
+  mallopt(M_MMAP_THRESHOLD, kLargeBlock);
+  mallopt(M_TRIM_THRESHOLD, kMostFree);
+  mallopt(M_TOP_PAD, kFetched);
 #endif
 }
 

@@ -1,16 +1,12 @@
 #pragma once
-// Keeps the resident size near to what is in use. Changes no result.
+// How much freed memory a program keeps. Changes no result.
 
 namespace mapweave::runtime {
 
-// Once, by a program, before it begins: large blocks go back to the system as soon as they are freed. (glibc learns
-// otherwise to keep blocks of up to 32 MB, and a mapper's grown rasters then leave holes: 320 instead of 245 MB on MIT
-// Killian Court.)
-void return_large_blocks();
-
-// Before cameras' frames are read, from any thread: 2 MB stay free of each thread's memory. Pictures come and go with
-// every frame, and fetching their pages anew took a tenth of the time.
-void keep_room_for_pictures();
+// Once, by a program, before it begins: blocks of 4 MB and more go back to the system as soon as they are freed; of
+// smaller ones up to 64 MB stay, since rasters and pictures come and go, and fetching their pages anew takes up to
+// half of the time. (glibc by itself learns to keep blocks of up to 32 MB, and a mapper's grown rasters leave holes.)
+void limit_kept_memory();
 
 // After something large has ended: gives back what is free among small blocks too.
 void return_free_memory();
