@@ -114,7 +114,7 @@ struct LiveSharing : LiveTeam {
     const double live_m = logs().error_m(settings.out), batch_m = logs().error_m(run);
     print("run", batch, batch_m);
     print(what, report, live_m);
-    EXPECT_LT(live_m, std::max(1.1 * batch_m, batch_m + 0.01));
+    EXPECT_LT(live_m, std::max(1.1 * batch_m, batch_m + 0.02));  // what is shared when depends on the machine's load
     EXPECT_LT(live_m, 0.06);
     ASSERT_EQ(report.robots.size(), 2U);
     for (std::size_t i = 0; i < 2; ++i) {
