@@ -64,7 +64,6 @@ class NatsWires {
   Connect of_camera(const RobotId& robot, int number, const TierId& edge, transport::NatsChannelSide side) const;
 
   std::shared_ptr<transport::NatsConnection> connection_;
-  bool has_accounts_ = false;
   std::size_t camera_queue_bytes_ = 0;
   std::vector<EdgeEntry> edges_;
 };
