@@ -1,4 +1,4 @@
-#include "broker_fixture.h"
+#include <support/broker_fixture.h>
 
 #include <csignal>
 #include <fstream>
