@@ -311,8 +311,12 @@ coordinator: {method: default, overlap_period_s: 1}
         for robot in ROBOTS:
             self.call(f"/{robot}/finish")
         self.assert_ends(launched, 0)
-        self.assertEqual(self.read_json("maps/room/summary.json")["team"]["members"], [["alpha", "beta"]])
-        self.assertTrue(self.read_json("plans/plan.json")["done"])
+        plan = self.read_json("plans/plan.json")
+        self.assertTrue(plan["done"])
+        edge_of = {robot: edge["id"] for edge in plan["edges"] for robot in edge["robots"]}
+        self.assertEqual(edge_of.keys(), ROBOTS.keys())
+        self.write("as_planned.yaml", "robots:\n" + "".join(f"  - {{id: {robot}, log: recordings/{robot}.mcap, edge: {edge_of[robot]}}}\n" for robot in ROBOTS))
+        self.assert_map_of_what_was_recorded("maps/room", "as_planned.yaml")
 
     def test_a_deployment_is_paused_and_goes_on_to_its_map(self):
         self.write("office.yaml", (self.prefix / "share/mapweave/launch/all.yaml").read_text())
