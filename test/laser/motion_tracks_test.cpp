@@ -25,10 +25,10 @@ TEST(OdometryTrack, takes_no_speed_from_readings_that_came_in_a_bunch) {
   for (int i = 0; i <= 10; ++i) track.add(at(0.1 * i), {0.1 * i, 0.0, 0.0});
   track.add(at(1.000034), {1.03, 0.0, 0.0});
   EXPECT_NEAR(track.at(at(1.2))->x, 1.2, 0.1);
-  OdometryTrack young;
-  young.add(at(1.0), {1.0, 0.0, 0.0});
-  young.add(at(1.000034), {1.03, 0.0, 0.0});
-  EXPECT_NEAR(young.at(at(1.2))->x, 1.03, 1e-9) << "its speed is not known yet";
+  OdometryTrack recent;
+  recent.add(at(1.0), {1.0, 0.0, 0.0});
+  recent.add(at(1.000034), {1.03, 0.0, 0.0});
+  EXPECT_NEAR(recent.at(at(1.2))->x, 1.03, 1e-9) << "its speed is not known yet";
 }
 
 TEST(InertialTrack, interpolates_turns_between_readings) {
