@@ -10,6 +10,7 @@
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/memory.h>
+#include <mapweave/transport/nats_connection.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -103,7 +104,8 @@ ExitCode run_program(int argc, char** argv) {
       "mapweave help VERB, or mapweave VERB --help, says more and gives an example.\n"
       "Exit codes: 0 done; 1 internal, or cannot write; 2 wrong command line; 3 bad or missing input; 4 done, but some "
       "maps\n"
-      "stayed apart; 5 a requested gate failed; 130 interrupted, what was finished is saved.");
+      "stayed apart; 5 a requested gate failed; 6 a broker does not answer; 130 interrupted, what was finished is "
+      "saved.");
   std::vector<std::pair<CLI::App*, Action>> actions;
   for (const Command& command : commands) {
     CLI::App* verb = program.add_subcommand(command.name, command.summary);
@@ -146,6 +148,9 @@ int main(int argc, char** argv) {
   } catch (const mapweave::Interrupted& interrupted) {
     complain(interrupted.message(), mapweave::LogLevel::info);
     code = ExitCode::interrupted;
+  } catch (const mapweave::transport::BrokerAway& away) {
+    complain(away.what());
+    code = ExitCode::unanswered;
   } catch (const mapweave::Error& error) {
     complain(error.what());
     code = mapweave::exit_code(error.code());

@@ -9,6 +9,7 @@
 #include <mapweave/core/log.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/memory.h>
+#include <mapweave/transport/nats_connection.h>
 
 #include <cstdio>
 #include <iostream>
@@ -157,6 +158,9 @@ int main(int argc, char** argv) {
   } catch (const mapweave::Interrupted& interrupted) {
     complain(interrupted.message());
     code = ExitCode::interrupted;
+  } catch (const mapweave::transport::BrokerAway& away) {
+    complain(away.what());
+    code = ExitCode::unanswered;
   } catch (const mapweave::Error& error) {
     complain(error.what());
     code = mapweave::exit_code(error.code());

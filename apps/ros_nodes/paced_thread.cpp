@@ -1,12 +1,14 @@
 #include "paced_thread.h"
 
+#include <mapweave/runtime/metrics.h>
+
 #include <algorithm>
 #include <utility>
 
 namespace mapweave::ros_nodes {
 namespace {
 
-constexpr int kPauses = 4;  // as long as a turn
+constexpr double kPauses = 4.0;  // as long as a turn took of a processor, however many other programs it waited for
 
 }  // namespace
 
@@ -27,12 +29,12 @@ void PacedThread::run() {
   std::unique_lock lock(mutex_);
   while (!ends_) {
     lock.unlock();
-    const Clock::time_point began = Clock::now();
+    const double before_s = runtime::thread_cpu_seconds();
     turn_();
-    const Clock::time_point now = Clock::now();
+    const std::chrono::duration<double> pause(kPauses * (runtime::thread_cpu_seconds() - before_s));
     lock.lock();
-    changed_.wait_until(lock, now + std::max<Clock::duration>(least_pause_, kPauses * (now - began)),
-                        [&] { return ends_; });
+    changed_.wait_for(lock, std::max<Clock::duration>(least_pause_, std::chrono::duration_cast<Clock::duration>(pause)),
+                      [&] { return ends_; });
   }
 }
 

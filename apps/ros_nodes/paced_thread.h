@@ -11,7 +11,8 @@ namespace mapweave::ros_nodes {
 
 class PacedThread {
  public:
-  // Between two turns lies the least pause, or four times as long as the turn took.
+  // Between two turns lies the least pause, or four times what the turn took of a processor: it must not have others
+  // work for it.
   PacedThread(std::function<void()> turn, std::chrono::milliseconds least_pause);
   ~PacedThread();  // after a turn that is on its way
   PacedThread(const PacedThread&) = delete;

@@ -96,9 +96,9 @@ class KeepRunning(Program):
     def test_an_end_is_an_end(self):
         for code in (0, 2, 3, 4, 130):
             self.assert_ends(self.keep(f"echo begun; exit {code}"), code)
-        for code in (0, 2, 4, 130):
+        for code in (0, 2, 3, 4, 130):
             self.assert_ends(self.keep(f"echo begun; exit {code}", "--service"), code)
-        self.assertEqual([log.read_text() for log in self.folder.glob("*.log")], 9 * ["begun\n"])
+        self.assertEqual([log.read_text() for log in self.folder.glob("*.log")], 10 * ["begun\n"])
 
     def test_what_was_killed_is_started_again(self):
         kept = self.keep("if [ -e killed ]; then echo again; else touch killed; kill -KILL $$; fi")
@@ -106,15 +106,16 @@ class KeepRunning(Program):
         self.assertRegex(kept.log.read_text(), "ended with signal 9; it is started again in 5 s\nagain\n$")
 
     def test_what_failed_is_started_again_as_a_service_until_it_is_stopped(self):
-        kept = self.keep("echo begun; exit 3", "--service")
-        self.await_word(kept, "begun", 2)
-        self.await_word(kept, "exit code 3", 2)
+        kept = self.keep("if [ -e full ]; then echo away; exit 6; fi; touch full; exit 1", "--service")
+        self.await_word(kept, "exit code 1")
+        self.await_word(kept, "away", 2)
+        self.await_word(kept, "exit code 6", 2)
         kept.send_signal(signal.SIGINT)
         self.assert_ends(kept, 130, 3)
 
     def test_what_has_left_its_results_is_done(self):
-        kept = self.keep("echo begun; touch map; exit 3", "--service", "--until", "map")
-        self.assert_ends(kept, 3)
+        kept = self.keep("echo begun; touch map; exit 6", "--service", "--until", "map")
+        self.assert_ends(kept, 6)
         self.assertEqual(kept.log.read_text(), "begun\n")
 
     def test_an_interrupt_comes_once_and_is_a_pause_to_services(self):
@@ -311,8 +312,29 @@ coordinator: {method: default, overlap_period_s: 1}
         for robot in ROBOTS:
             self.call(f"/{robot}/finish")
         self.assert_ends(launched, 0)
-        self.assertEqual(self.read_json("maps/room/summary.json")["team"]["members"], [["alpha", "beta"]])
-        self.assertTrue(self.read_json("plans/plan.json")["done"])
+        plan = self.read_json("plans/plan.json")
+        self.assertTrue(plan["done"])
+        edge_of = {robot: edge["id"] for edge in plan["edges"] for robot in edge["robots"]}
+        self.assertEqual(edge_of.keys(), ROBOTS.keys())
+        self.write("as_planned.yaml", "robots:\n" + "".join(f"  - {{id: {robot}, log: recordings/{robot}.mcap, edge: {edge_of[robot]}}}\n" for robot in ROBOTS))
+        self.assert_map_of_what_was_recorded("maps/room", "as_planned.yaml")
+
+    def test_a_node_waits_for_its_broker_and_ends_where_its_recording_is_refused(self):
+        self.write("office.yaml", "robots: [{id: alpha, log: recordings/alpha.mcap, edge: north}]\n")
+        (self.folder / "recordings").mkdir()
+        self.write("recordings/alpha.mcap", "what another program wrote\n")
+        options = f"options:=--set live.broker=nats://127.0.0.1:{self.broker_port}"
+        launched = self.launch("robot.launch", "config:=office.yaml", "name:=alpha", options)
+        self.await_word(launched, "exit code 6; it is started again")
+        self.assertIn("the broker cannot be reached", launched.log.read_text())
+        broker = self.begin(serve_test.BROKER, "-js", "-a", "127.0.0.1", "-p", self.broker_port, "-sd", self.folder / "broker")
+        self.await_word(broker, "Server is ready")
+        self.assert_ends(launched, 0)
+        said = launched.log.read_text()
+        self.assertRegex(said, "alpha.mcap: .* was expected; move it away, or name another file")
+        self.assertIn("exit code 3", said)
+        self.assertEqual(said.count("it is started again"), 1)
+        self.assertEqual((self.folder / "recordings/alpha.mcap").read_text(), "what another program wrote\n")
 
     def test_a_deployment_is_paused_and_goes_on_to_its_map(self):
         self.write("office.yaml", (self.prefix / "share/mapweave/launch/all.yaml").read_text())

@@ -22,7 +22,7 @@ MALAGA = pathlib.Path("/usr/share/mrpt/datasets/2006-01ENE-21-SENA_Telecom Facul
 SIMULATED_BUILDING = pathlib.Path("/usr/share/mrpt/datasets/graphslam-engine-demos/action_observations_map/simul.rawlog")
 
 # Exit codes: README, verbs.
-DONE, CANNOT_WRITE, USAGE, BAD_INPUT, APART, GATE_FAILED, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+DONE, CANNOT_WRITE, USAGE, BAD_INPUT, APART, GATE_FAILED, UNANSWERED, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 
 
 def environment():

@@ -1,4 +1,4 @@
-#include "broker_fixture.h"
+#include <support/broker_fixture.h>
 
 #include <mapweave/core/files.h>
 #include <mapweave/transport/certificates.h>

@@ -1,4 +1,4 @@
-#include "broker_fixture.h"
+#include <support/broker_fixture.h>
 
 #include <mapweave/core/mixed_bits.h>
 #include <mapweave/transport/nats_channel.h>

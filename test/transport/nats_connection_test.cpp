@@ -1,4 +1,4 @@
-#include "broker_fixture.h"
+#include <support/broker_fixture.h>
 
 #include <csignal>
 #include <fstream>
@@ -156,6 +156,7 @@ TEST_F(NatsConnectionTest, says_that_a_broker_is_absent_or_has_no_jet_stream) {
   NatsOptions nowhere;
   nowhere.url = "nats://user:secret@127.0.0.1:1";
   const NatsConnection none(nowhere);
+  EXPECT_THROW(none.wait_until_connected(10ms), BrokerAway);
   const Error error = error_of([&] { none.wait_until_connected(300ms); });
   EXPECT_EQ(error.code(), ErrorCode::kMissing);
   EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("127.0.0.1:1"), testing::Not(HasSubstr("secret"))));

@@ -1,4 +1,4 @@
-#include "broker_fixture.h"
+#include <support/broker_fixture.h>
 
 #include <mapweave/transport/nats_board.h>
 #include <mapweave/transport/nats_stream.h>

@@ -7,6 +7,8 @@ namespace mapweave::laser {
 namespace {
 
 constexpr double kLongestExtrapolation_s = 0.5;
+// Over which its speed is taken: readings that came in a bunch may be stamped microseconds apart.
+constexpr double kShortestBase_s = 0.05;
 constexpr double kLongestTurnAhead_s = 0.05;  // beyond the last reading: a robot begins to turn within less than 0.2 s
 constexpr std::size_t kFewestReadings = 64;
 constexpr double kKept_s = 2.0;  // before the latest reading: scans may be stamped late
@@ -30,18 +32,26 @@ std::optional<Pose2> OdometryTrack::at(Stamp stamp) const {
   const auto after = std::lower_bound(readings_.begin(), readings_.end(), stamp,
                                       [](const auto& reading, Stamp s) { return reading.first < s; });
   if (after != readings_.end() && after->first == stamp) return after->second;
-  const auto later = after != readings_.end() ? after : readings_.end() - 1;
-  if (after == readings_.end() &&
-      (readings_.size() < 2 || seconds_between(later->first, stamp) > kLongestExtrapolation_s)) {
-    return seconds_between(later->first, stamp) <= kLongestExtrapolation_s ? std::optional<Pose2>(later->second)
-                                                                           : std::nullopt;
+  if (after == readings_.end()) return ahead(stamp);
+  const auto earlier = after - 1;
+  const double span = seconds_between(earlier->first, after->first);
+  return compose(earlier->second,
+                 scaled(between(earlier->second, after->second), seconds_between(earlier->first, stamp) / span));
+}
+
+std::optional<Pose2> OdometryTrack::ahead(Stamp stamp) const {
+  const auto& [last, pose] = readings_.back();
+  if (seconds_between(last, stamp) > kLongestExtrapolation_s) return std::nullopt;
+  auto earlier = readings_.end() - 1;
+  double span = 0.0;
+  while (earlier != readings_.begin() && span < kShortestBase_s) {
+    --earlier;
+    span = seconds_between(earlier->first, last);
   }
-  const auto earlier = later - 1;
-  const double span = seconds_between(earlier->first, later->first);
-  const double share = seconds_between(earlier->first, stamp) / span;
   // Going on as before only where "before" is recent.
-  if (after == readings_.end() && span > kLongestExtrapolation_s) return later->second;
-  return compose(earlier->second, scaled(between(earlier->second, later->second), share));
+  if (span < kShortestBase_s || span > kLongestExtrapolation_s) return pose;
+  return compose(earlier->second,
+                 scaled(between(earlier->second, pose), seconds_between(earlier->first, stamp) / span));
 }
 
 std::optional<Stamp> OdometryTrack::latest() const {

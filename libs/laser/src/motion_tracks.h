@@ -14,7 +14,7 @@ constexpr double kInertialGap_s = 0.25;  // readings of the inertial unit farthe
 constexpr double kLongestStep_s = 0.5;   // from scan to scan: else the turn rate is not known
 
 // Accumulated odometry at any stamp: between readings by interpolation, shortly after the last one by going on as
-// before.
+// in the last 0.05 s or more before it, however close readings are stamped.
 class OdometryTrack {
  public:
   void add(Stamp stamp, const Pose2& odometry_from_robot);
@@ -22,6 +22,7 @@ class OdometryTrack {
   std::optional<Stamp> latest() const;
 
  private:
+  std::optional<Pose2> ahead(Stamp stamp) const;  // of the last reading
   std::deque<std::pair<Stamp, Pose2>> readings_;
 };
 

@@ -17,7 +17,7 @@ namespace subject = tiers::subject;
 
 namespace {
 
-constexpr double kBetweenMaps_s = 0.3;
+constexpr double kBetweenMaps_s = 0.2;
 constexpr int kMapCost = 10;  // reading a robot's map so far takes at most a tenth of its thread's time
 
 std::shared_ptr<const Map> named(Map map, const RobotId& robot) {
@@ -89,7 +89,7 @@ void LiveEdge::State::map(Robot& robot) {
       complete(robot, *outcome);
       if (outcome->map && site.keeps_previews) whole = named(nodes_of(*outcome->map), robot.planned->id);
     }
-    robot.has_news = robot.slam && !robot.has_outcome;  // odometry may place a scan that was held back
+    robot.has_news = robot.has_news && !robot.has_outcome;
     lock.lock();
     robot.queue_bytes -= bytes;
     ++robot.mapped;
@@ -148,9 +148,13 @@ std::optional<tiers::RobotOutcome> LiveEdge::State::step(Robot& robot, Sensed se
   }
   std::optional<tiers::RobotOutcome> outcome;
   if (robot.slam) {
+    // Odometry may place a scan that was held back; else it changes no map.
+    robot.has_news = robot.has_news || std::holds_alternative<PackedScan>(sensed.body);
     outcome = robot.slam->step(std::move(sensed));
-    for (const laser::LivePose& pose : robot.slam->take_live_poses())
+    for (const laser::LivePose& pose : robot.slam->take_live_poses()) {
+      robot.has_news = true;
       if (pose.is_matched) record.live.push_back({pose.stamp, pose.map_from_robot});
+    }
   }
   record.mapping_s += thread_cpu_seconds() - before_s;
   return outcome;

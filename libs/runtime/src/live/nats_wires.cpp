@@ -34,15 +34,16 @@ bool is_on_this_machine(const std::string& urls) {
   return true;
 }
 
-// All of a wire is in one class, so that it comes in the order in which it was said.
+// All of a wire is in one class, so that it comes in the order in which it was said. Who accepts makes the streams, and
+// asks at them for the first message before anybody says it; else it would have to look whether they are there by now.
 transport::NatsChannelOptions options_of(const std::string& wire, const std::string& peer,
-                                         transport::NatsChannelSide side, bool has_accounts) {
+                                         transport::NatsChannelSide side) {
   transport::NatsChannelOptions options;
   options.peer = peer;
   options.side = side;
   options.out = {wire + "_up", {}};
   options.in = {wire + "_down", {}};
-  options.makes_streams = has_accounts && side == transport::NatsChannelSide::accepts;
+  options.makes_streams = side == transport::NatsChannelSide::accepts;
   if (side == transport::NatsChannelSide::accepts) std::swap(options.out, options.in);
   return options;
 }
@@ -208,12 +209,10 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
 }
 
 NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience)
-    : has_accounts_(!live.keys.empty()),
-      camera_queue_bytes_(static_cast<std::size_t>(live.map_server.queue_kb) << 10),
-      edges_(configuration.edges) {
+    : camera_queue_bytes_(static_cast<std::size_t>(live.map_server.queue_kb) << 10), edges_(configuration.edges) {
   transport::NatsOptions options;
   options.url = live.broker;
-  if (has_accounts_) {
+  if (!live.keys.empty()) {
     const ProgramKeys keys = read_program_keys(live.keys);
     options.user = keys.user;
     options.password = keys.password;
@@ -234,11 +233,10 @@ NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& l
 }
 
 Connect NatsWires::from_robot(const RobotId& robot, const TierId& edge) const {
-  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::opens, has_accounts_));
+  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::opens));
 }
 Connect NatsWires::at_edge(const RobotId& robot, const TierId& edge) const {
-  return connect(connection_,
-                 options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts, has_accounts_));
+  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts));
 }
 Connect NatsWires::from_camera(const RobotId& robot, int number, const TierId& edge) const {
   return of_camera(robot, number, edge, transport::NatsChannelSide::opens);
@@ -248,9 +246,8 @@ Connect NatsWires::at_map_server(const RobotId& robot, int number, const TierId&
 }
 Connect NatsWires::of_camera(const RobotId& robot, int number, const TierId& edge,
                              transport::NatsChannelSide side) const {
-  return connect(
-      connection_,
-      with_cameras(options_of(of_cameras(edge), camera_peer(robot, number), side, has_accounts_), camera_queue_bytes_));
+  return connect(connection_,
+                 with_cameras(options_of(of_cameras(edge), camera_peer(robot, number), side), camera_queue_bytes_));
 }
 Connect NatsWires::from_edge(const TierId& edge) const {
   return between_tiers(edge, transport::NatsChannelSide::opens);
@@ -259,8 +256,7 @@ Connect NatsWires::at_cloud(const TierId& edge) const {
   return between_tiers(edge, transport::NatsChannelSide::accepts);
 }
 Connect NatsWires::between_tiers(const TierId& edge, transport::NatsChannelSide side) const {
-  return connect(connection_, with_maps(across_brokers(options_of(of_cloud(edge), edge.str(), side, has_accounts_),
-                                                       domain_at(edge))));
+  return connect(connection_, with_maps(across_brokers(options_of(of_cloud(edge), edge.str(), side), domain_at(edge))));
 }
 std::string NatsWires::domain_at(const TierId& edge) const {
   for (const EdgeEntry& entry : edges_)
@@ -271,10 +267,10 @@ std::string NatsWires::domain_at(const TierId& edge) const {
 transport::NatsBoard NatsWires::board() const { return {connection_, kBoard}; }
 transport::NatsBoard NatsWires::board_of_workers() const { return {connection_, kWorkers}; }
 Connect NatsWires::to_worker(const std::string& worker) const {
-  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::opens, has_accounts_)));
+  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::opens)));
 }
 Connect NatsWires::at_worker(const std::string& worker) const {
-  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::accepts, has_accounts_)));
+  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::accepts)));
 }
 std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) const {
   const std::string domain = domain_at(edge);

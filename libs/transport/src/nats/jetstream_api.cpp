@@ -26,12 +26,11 @@ Json ask_jetstream(NatsConnection& connection, const std::string& subject, const
   const auto answer = connection.request(subject, request.is_null() ? "" : request.dump(), patience);
   const std::string server = connection.state().server;
   if (!answer)
-    throw Error(ErrorCode::kMissing, "the broker does not answer '" + subject + "'", server,
-                "see whether the broker runs, and what this user may publish and receive");
+    throw BrokerAway("the broker does not answer '" + subject + "'", server,
+                     "see whether the broker runs, and what this user may publish and receive");
   if (answer->status == 503)
-    throw Error(ErrorCode::kUnsupported,
-                "the broker has no JetStream, or none is connected that answers '" + subject + "'", server,
-                "start nats-server with -js, or with 'jetstream' in its configuration");
+    throw BrokerAway("the broker has no JetStream, or none is connected that answers '" + subject + "'", server,
+                     "start nats-server with -js, or with 'jetstream' in its configuration");
   Json json = Json::parse(answer->bytes, nullptr, false);
   if (!json.is_object())
     throw Error(ErrorCode::kCorrupt, "the broker's answer to '" + subject + "' is not JSON", server,

@@ -7,8 +7,8 @@
 
 namespace mapweave::transport {
 
-// request: null for none. Throws Error: kMissing where no answer comes in time, kUnsupported without JetStream,
-// kCorrupt for an answer that is not JSON.
+// request: null for none. Throws BrokerAway where no answer comes in time, or none has the JetStream that is asked;
+// Error(kCorrupt) for an answer that is not JSON.
 nlohmann::json ask_jetstream(NatsConnection& connection, const std::string& subject, const nlohmann::json& request,
                              std::chrono::milliseconds patience);
 // The server's error code (errors.json of nats-server) in an answer; 0: none; 1: an error without a code. What kinds of

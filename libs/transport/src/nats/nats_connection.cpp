@@ -352,8 +352,8 @@ void NatsConnection::wait_until_connected(std::chrono::milliseconds patience) co
   if (is_refusal(state_->last_status))
     throw Error(ErrorCode::kBadInput, "the broker refuses the connection: " + words, state_->shown.server,
                 "check user, password, token and certificates on both sides");
-  throw Error(ErrorCode::kMissing, "the broker cannot be reached: " + words, state_->shown.server,
-              "check that nats-server runs there and that its port can be reached");
+  throw BrokerAway("the broker cannot be reached: " + words, state_->shown.server,
+                   "check that nats-server runs there and that its port can be reached");
 }
 
 void NatsConnection::expect_jet_stream(std::chrono::milliseconds patience, const std::string& domain) {
@@ -365,9 +365,7 @@ void NatsConnection::expect_jet_stream(std::chrono::milliseconds patience, const
     answer = request(domain.empty() ? "$JS.API.INFO" : "$JS." + domain + ".API.INFO", "", left);
   } while (!answer && std::chrono::steady_clock::now() < end);
   const std::string server = state().server, of_domain = domain.empty() ? "" : " of domain '" + domain + "'";
-  if (!answer)
-    throw Error(ErrorCode::kMissing, "JetStream" + of_domain + " does not answer", server,
-                "see whether the broker runs");
+  if (!answer) throw BrokerAway("JetStream" + of_domain + " does not answer", server, "see whether the broker runs");
   if (answer->status != 0)
     throw Error(ErrorCode::kUnsupported,
                 domain.empty() ? "the broker has no JetStream" : "nobody there has JetStream" + of_domain, server,

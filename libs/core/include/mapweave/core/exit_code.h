@@ -12,6 +12,7 @@ enum class ExitCode : int {
   bad_input = 3,      // or missing
   stayed_apart = 4,   // done, but some maps stayed apart
   gate_failed = 5,    // a number is larger than was asked for
+  unanswered = 6,     // a broker did not answer; it may later
   interrupted = 130,  // what was finished is saved
 };
 

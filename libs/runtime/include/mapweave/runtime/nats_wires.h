@@ -30,7 +30,7 @@ class NatsWires {
   NatsWires(const RunConfiguration& configuration, std::chrono::milliseconds patience)
       : NatsWires(configuration, configuration.live, patience) {}
 
-  // By `broker`, `keys` and `unprotected`. Throws Error: kMissing where the broker does not answer in time,
+  // By `broker`, `keys` and `unprotected`. Throws Error: BrokerAway where the broker does not answer in time,
   // kUnsupported where it has no JetStream, kBadInput for an address that cannot be, for keys that it does not accept
   // or that are none, and for another machine without keys, unless it may be unprotected.
   NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience);
@@ -64,7 +64,6 @@ class NatsWires {
   Connect of_camera(const RobotId& robot, int number, const TierId& edge, transport::NatsChannelSide side) const;
 
   std::shared_ptr<transport::NatsConnection> connection_;
-  bool has_accounts_ = false;
   std::size_t camera_queue_bytes_ = 0;
   std::vector<EdgeEntry> edges_;
 };

@@ -51,7 +51,7 @@ struct NatsChannelOptions {
   // other end is not informed.
   double linger_s = 0.5;
   LinkEnd link_end = LinkEnd::broker;
-  // The accepting end makes the streams of both directions: of brokers where the other end may make none.
+  // The accepting end makes the streams of both directions: the other end may make none, or comes much later.
   bool makes_streams = false;
 };
 

@@ -2,6 +2,8 @@
 // A program's connection to a NATS server (its broker): made anew for ever, and watched. Streams (nats_stream.h) and
 // channels (nats_channel.h) share one. Protocol: https://docs.nats.io/reference/reference-protocols.
 
+#include <mapweave/core/error.h>
+
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -67,6 +69,13 @@ class NatsInbox {
 };
 
 // All calls are thread-safe. A thread of its own connects and hands over what comes, one message after the other.
+// The broker does not answer now; it may later, and nothing else has to change. Its code is kMissing.
+class BrokerAway : public Error {
+ public:
+  BrokerAway(std::string what, std::string where, std::string remedy)
+      : Error(ErrorCode::kMissing, std::move(what), std::move(where), std::move(remedy)) {}
+};
+
 class NatsConnection {
  public:
   // Returns at once. Throws Error(kBadInput) for options that can never work: a certificate that cannot be read.
@@ -79,9 +88,9 @@ class NatsConnection {
   NatsState state() const;
   // Changes with each connection that is made or lost: what was under way on the one before is lost.
   std::uint64_t generation() const;
-  // Throws Error where it takes longer: kBadInput for a wrong user, password, token or certificate, else kMissing.
+  // Throws Error where it takes longer: kBadInput for a wrong user, password, token or certificate, else BrokerAway.
   void wait_until_connected(std::chrono::milliseconds patience) const;
-  // Throws Error: kUnsupported where the broker has no JetStream, or not for this account; kMissing where it does not
+  // Throws Error: kUnsupported where the broker has no JetStream, or not for this account; BrokerAway where it does not
   // answer. domain: of another broker that this one is connected to; empty: its own.
   void expect_jet_stream(std::chrono::milliseconds patience, const std::string& domain = {});
 
