@@ -41,7 +41,7 @@ struct PlacedMcapRecord {
 };
 std::vector<PlacedMcapRecord> records_of(const std::string& bytes) {
   std::vector<PlacedMcapRecord> records;
-  for (std::size_t place = kMcapMagic.size(); place + kRecordHeadBytes < bytes.size();) {
+  for (std::size_t place = mcap::kMagic.size(); place + kRecordHeadBytes < bytes.size();) {
     const RecordHead head = parse_head(bytes.data() + place);
     records.push_back({place, place + kRecordHeadBytes + static_cast<std::size_t>(head.bytes), head.opcode});
     place = records.back().end;
@@ -142,8 +142,8 @@ TEST_F(Mcap, what_is_no_recording_is_refused) {
 
 TEST_F(Mcap, cut_within_its_first_bytes_it_is_refused) {
   const TemporaryFolder folder;
-  for (std::size_t cut = 1; cut < kMcapMagic.size(); ++cut) {
-    const auto path = write_bytes(folder / "cut.mcap", std::string(kMcapMagic.substr(0, cut)));
+  for (std::size_t cut = 1; cut < mcap::kMagic.size(); ++cut) {
+    const auto path = write_bytes(folder / "cut.mcap", std::string(mcap::kMagic.substr(0, cut)));
     EXPECT_THAT(read_all(path).error, IsError(ErrorCode::kCorrupt, "does not begin as one")) << cut;
   }
 }
@@ -157,12 +157,12 @@ TEST_F(Mcap, cut_at_any_byte_it_gives_what_was_whole) {
       return record.opcode == Opcode::kDataEnd;
     });
     std::size_t most = 0;
-    for (std::size_t cut = kMcapMagic.size(); cut < bytes.size(); ++cut) {
+    for (std::size_t cut = mcap::kMagic.size(); cut < bytes.size(); ++cut) {
       const auto reading = read_mcap(write_bytes(folder / "cut.mcap", bytes.substr(0, cut)));
       ASSERT_THAT(reading.lines, IsBeginningOfRecording()) << name << " cut at " << cut;
       ASSERT_GE(reading.lines.size(), most) << name << " cut at " << cut;
       most = reading.lines.size();
-      const bool at_a_boundary = cut == kMcapMagic.size() || cut >= data_end->begin + kRecordHeadBytes ||
+      const bool at_a_boundary = cut == mcap::kMagic.size() || cut >= data_end->begin + kRecordHeadBytes ||
                                  std::any_of(records.begin(), records.end(),
                                              [&](const PlacedMcapRecord& record) { return record.end == cut; });
       ASSERT_EQ(reading.error == nullptr, at_a_boundary) << name << " cut at " << cut;
@@ -199,7 +199,7 @@ TEST_F(Mcap, a_flipped_bit_in_a_chunk_is_found_by_its_checksum) {
     const bool is_chunked = std::string(name) != "unchunked.mcap";
     std::size_t found = 0, same = 0;
     const auto records = records_of(bytes);
-    for (std::size_t place = kMcapMagic.size(); place < bytes.size(); ++place) {
+    for (std::size_t place = mcap::kMagic.size(); place < bytes.size(); ++place) {
       std::string damaged = bytes;
       damaged[place] = static_cast<char>(damaged[place] ^ (1 << place % 8));
       const auto reading = read_mcap(write_bytes(folder / "flipped.mcap", damaged));
@@ -234,7 +234,7 @@ TEST_F(Mcap, damage_at_random_places_ends_with_a_clear_error_or_the_end) {
     const std::string bytes = bytes_of_recording(name);
     for (int i = 0; i < 200; ++i) {
       std::string damaged = bytes;
-      const std::size_t length = 1 + random() % 16, begin = kMcapMagic.size() + random() % (bytes.size() - 40);
+      const std::size_t length = 1 + random() % 16, begin = mcap::kMagic.size() + random() % (bytes.size() - 40);
       for (std::size_t place = begin; place < begin + length && place < damaged.size(); ++place)
         damaged[place] = static_cast<char>(i % 3 == 0 ? 0xff : i % 3 == 1 ? 0 : random());
       const auto reading = read_mcap(write_bytes(folder / "damaged.mcap", damaged));

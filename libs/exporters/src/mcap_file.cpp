@@ -3,6 +3,7 @@
 #include "ros_message.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/mcap_format.h>
 #include <zlib.h>
 #include <zstd.h>
 
@@ -13,39 +14,18 @@
 namespace mapweave::exporters {
 namespace {
 
-constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
+using mcap::append_record;
+using mcap::append_text;
+using mcap::Opcode;
+
 constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
 constexpr int kCompressionLevel = 3;
-
-enum Opcode : std::uint8_t {
-  kHeader = 0x01,
-  kFooter = 0x02,
-  kSchema = 0x03,
-  kChannel = 0x04,
-  kMessage = 0x05,
-  kChunk = 0x06,
-  kMessageIndex = 0x07,
-  kChunkIndex = 0x08,
-  kStatistics = 0x0b,
-  kDataEnd = 0x0f
-};
 
 // As rosbag2 describes who published: kept for those who come later, reliable.
 constexpr const char* kLatched =
     "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 0\n    nsec: 0\n  lifespan:\n"
     "    sec: 0\n    nsec: 0\n  liveliness: 0\n  liveliness_lease_duration:\n    sec: 0\n    nsec: 0\n"
     "  avoid_ros_namespace_conventions: false";
-
-void append_text(std::string& to, std::string_view text) {
-  append_number(to, static_cast<std::uint32_t>(text.size()));
-  to += text;
-}
-
-void append_record(std::string& to, Opcode opcode, std::string_view fields) {
-  to += static_cast<char>(opcode);
-  append_number(to, static_cast<std::uint64_t>(fields.size()));
-  to += fields;
-}
 
 std::uint32_t crc_of(std::string_view bytes) {
   return static_cast<std::uint32_t>(::crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
@@ -68,7 +48,7 @@ void append_schema(std::string& to, RosType type) {
   append_text(fields, ros_type_name(type, RosGeneration::ros2));
   append_text(fields, "ros2msg");
   append_text(fields, ros_definition(type, RosGeneration::ros2));
-  append_record(to, kSchema, fields);
+  append_record(to, Opcode::kSchema, fields);
 }
 
 void append_channel(std::string& to, std::uint16_t number, const RosTopic& topic) {
@@ -81,23 +61,23 @@ void append_channel(std::string& to, std::uint16_t number, const RosTopic& topic
   append_text(fields, topic.name);
   append_text(fields, "cdr");
   append_text(fields, metadata);
-  append_record(to, kChannel, fields);
+  append_record(to, Opcode::kChannel, fields);
 }
 
 class McapWriter {
  public:
   explicit McapWriter(const RosRecording& recording) : recording_(recording), known_(recording.topics.size(), false) {
-    bytes_.assign(kMagic);
+    bytes_.assign(mcap::kMagic);
     std::string header;
     append_text(header, "ros2");
     append_text(header, "mapweave");
-    append_record(bytes_, kHeader, header);
+    append_record(bytes_, Opcode::kHeader, header);
     for (const RosMessage& message : recording.messages) {
       add(message);
       if (chunk_.size() >= kChunkBytes) end_chunk();
     }
     if (!chunk_.empty()) end_chunk();
-    append_record(bytes_, kDataEnd, std::string(sizeof(std::uint32_t), '\0'));
+    append_record(bytes_, Opcode::kDataEnd, std::string(sizeof(std::uint32_t), '\0'));
   }
 
   std::string take() {
@@ -111,11 +91,11 @@ class McapWriter {
     std::string footer;
     append_number(footer, start);
     append_number(footer, std::uint64_t{0});  // no offsets of the summary's groups
-    std::string end(1, static_cast<char>(kFooter));
+    std::string end(1, static_cast<char>(Opcode::kFooter));
     append_number(end, static_cast<std::uint64_t>(footer.size() + sizeof(std::uint32_t)));
     bytes_ += end + footer;
     append_number(bytes_, crc_of(std::string_view(bytes_).substr(static_cast<std::size_t>(start))));
-    bytes_ += kMagic;
+    bytes_ += mcap::kMagic;
     return std::move(bytes_);
   }
 
@@ -143,7 +123,7 @@ class McapWriter {
     append_number(fields, static_cast<std::uint32_t>(counts_[channel]));
     append_number(fields, time_ns);
     append_number(fields, time_ns);
-    append_record(chunk_, kMessage, fields + message.bytes);
+    append_record(chunk_, Opcode::kMessage, fields + message.bytes);
     ++counts_[channel];
     chunk_first_ns_ = std::min(chunk_first_ns_, time_ns);
     chunk_last_ns_ = std::max(chunk_last_ns_, time_ns);
@@ -159,7 +139,7 @@ class McapWriter {
     append_number(fields, crc_of(chunk_));
     append_text(fields, "zstd");
     append_number(fields, static_cast<std::uint64_t>(packed.size()));
-    append_record(bytes_, kChunk, fields + packed);
+    append_record(bytes_, Opcode::kChunk, fields + packed);
 
     const std::uint64_t end = bytes_.size();
     std::string offsets;
@@ -174,7 +154,7 @@ class McapWriter {
       std::string index;
       append_number(index, channel);
       append_text(index, places);
-      append_record(bytes_, kMessageIndex, index);
+      append_record(bytes_, Opcode::kMessageIndex, index);
     }
     std::string about;
     append_number(about, chunk_first_ns_);
@@ -186,7 +166,7 @@ class McapWriter {
     append_text(about, "zstd");
     append_number(about, static_cast<std::uint64_t>(packed.size()));
     append_number(about, static_cast<std::uint64_t>(chunk_.size()));
-    append_record(indexes_, kChunkIndex, about);
+    append_record(indexes_, Opcode::kChunkIndex, about);
     first_ns_ = std::min(first_ns_, chunk_first_ns_);
     last_ns_ = std::max(last_ns_, chunk_last_ns_);
     ++chunk_count_;
@@ -214,7 +194,7 @@ class McapWriter {
     append_number(fields, chunk_count_ == 0 ? std::uint64_t{0} : first_ns_);
     append_number(fields, last_ns_);
     append_text(fields, counts);
-    append_record(bytes_, kStatistics, fields);
+    append_record(bytes_, Opcode::kStatistics, fields);
   }
 
   static constexpr std::uint64_t kLatest = std::numeric_limits<std::uint64_t>::max();

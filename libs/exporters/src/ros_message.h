@@ -2,13 +2,12 @@
 // Messages of ROS, as both generations serialize them.
 
 #include <mapweave/core/geometry.h>
+#include <mapweave/core/little_endian.h>
 #include <mapweave/core/stamp.h>
 
 #include <cstdint>
-#include <cstring>
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <vector>
 
 namespace mapweave::exporters {
@@ -21,15 +20,6 @@ std::string ros_type_name(RosType type, RosGeneration generation);
 // The text of a message and all that it is made of, as bags hold it.
 std::string ros_definition(RosType type, RosGeneration generation);
 const char* ros1_md5(RosType type);
-
-// Appends numbers in their little-endian form.
-template <class Number>
-void append_number(std::string& bytes, Number number) {
-  static_assert(std::is_arithmetic_v<Number>);
-  char raw[sizeof(Number)];
-  std::memcpy(raw, &number, sizeof number);  // processors of Debian's ports that this builds for are little-endian
-  bytes.append(raw, sizeof raw);
-}
 
 // The fields of a message, one after the other. ROS 1 packs them; CDR has four bytes in front, and each number at a
 // multiple of its size.

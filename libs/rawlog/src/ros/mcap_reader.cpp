@@ -94,9 +94,9 @@ std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, Un
 }
 
 void check_magic(const SeekableFile& file) {
-  std::string found(kMcapMagic.size(), '\0');
+  std::string found(mcap::kMagic.size(), '\0');
   file.read_at(0, found.data(), static_cast<std::size_t>(std::min<std::uint64_t>(found.size(), file.bytes())));
-  if (found == kMcapMagic) return;
+  if (found == mcap::kMagic) return;
   if (is_mcap(found))
     throw Error(ErrorCode::kUnsupported, "is of another version of MCAP; version 0 is read", file.path().string(),
                 "convert it with the program that wrote it");
@@ -225,7 +225,7 @@ class McapReader final : public BagReader {
 
   // The next record of the file; false at its end.
   bool advance() {
-    if (position_ == 0) pass(window_.bytes_at(0, kMcapMagic.size(), "its first bytes"));
+    if (position_ == 0) pass(window_.bytes_at(0, mcap::kMagic.size(), "its first bytes"));
     place_ = position_;
     if (follows_) file_.await(position_ + kRecordHeadBytes);
     if (position_ == file_.bytes()) {
@@ -370,8 +370,8 @@ class McapReader final : public BagReader {
 }  // namespace
 
 bool is_mcap(std::string_view start_of_file) {
-  return start_of_file.size() >= kMcapMagic.size() && start_of_file.substr(0, 5) == kMcapMagic.substr(0, 5) &&
-         start_of_file.substr(6, 2) == kMcapMagic.substr(6);
+  return start_of_file.size() >= mcap::kMagic.size() && start_of_file.substr(0, 5) == mcap::kMagic.substr(0, 5) &&
+         start_of_file.substr(6, 2) == mcap::kMagic.substr(6);
 }
 
 std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path, std::uint64_t most_bytes, bool follows) {

@@ -1,7 +1,9 @@
 #pragma once
-// The records of an MCAP file (mcap.dev/spec, version 0): an opcode of one byte, a length of eight, then fields.
+// What is read of the records of an MCAP file.
 
 #include "bag_reader.h"
+
+#include <mapweave/core/mcap_format.h>
 
 #include <cstdint>
 #include <map>
@@ -12,21 +14,8 @@
 
 namespace mapweave::rawlog::ros {
 
-constexpr std::string_view kMcapMagic{"\x89MCAP0\r\n", 8};
+using mcap::Opcode;
 constexpr std::size_t kRecordHeadBytes = 9;
-
-enum class Opcode : std::uint8_t {
-  kHeader = 0x01,
-  kFooter = 0x02,
-  kSchema = 0x03,
-  kChannel = 0x04,
-  kMessage = 0x05,
-  kChunk = 0x06,
-  kMessageIndex = 0x07,
-  kChunkIndex = 0x08,
-  kStatistics = 0x0b,
-  kDataEnd = 0x0f,
-};
 
 struct RecordHead {
   Opcode opcode;

@@ -24,17 +24,17 @@ std::string bytes_at(const SeekableFile& file, std::uint64_t offset, std::uint64
 }
 
 std::optional<McapFooter> read_footer(const SeekableFile& file) {
-  if (file.bytes() < kMcapMagic.size() + kEndBytes) return std::nullopt;
+  if (file.bytes() < mcap::kMagic.size() + kEndBytes) return std::nullopt;
   const std::string end = bytes_at(file, file.bytes() - kEndBytes, kEndBytes);
   const RecordHead head = parse_head(end.data());
-  if (std::string_view(end).substr(end.size() - kMcapMagic.size()) != kMcapMagic || head.opcode != Opcode::kFooter ||
-      head.bytes != kFooterBytes)
+  if (std::string_view(end).substr(end.size() - mcap::kMagic.size()) != mcap::kMagic ||
+      head.opcode != Opcode::kFooter || head.bytes != kFooterBytes)
     return std::nullopt;
   return parse_footer(std::string_view(end).substr(kRecordHeadBytes, kFooterBytes));
 }
 
 void read_data_end(const SeekableFile& file, std::uint64_t after, McapSummary& summary) {
-  if (after < kMcapMagic.size() + kDataEndBytes) return;
+  if (after < mcap::kMagic.size() + kDataEndBytes) return;
   const std::string record = bytes_at(file, after - kDataEndBytes, kDataEndBytes);
   const RecordHead head = parse_head(record.data());
   if (head.opcode != Opcode::kDataEnd || head.bytes != kDataEndBytes - kRecordHeadBytes) return;
@@ -72,7 +72,7 @@ bool covers_all_messages(const SeekableFile& file, McapSummary& summary) {
   std::map<std::uint64_t, const McapChunkIndex*> by_offset;
   for (const McapChunkIndex& chunk : summary.chunks) by_offset.emplace(chunk.offset, &chunk);
   std::size_t found = 0;
-  for (std::uint64_t position = kMcapMagic.size(); position < summary.data_end;) {
+  for (std::uint64_t position = mcap::kMagic.size(); position < summary.data_end;) {
     const std::string start = bytes_at(file, position, kRecordHeadBytes);
     const RecordHead head = parse_head(start.data());
     const std::uint64_t left = file.bytes() - position - kRecordHeadBytes;
@@ -114,7 +114,7 @@ McapSummary read_sound_summary(const SeekableFile& file, std::uint64_t most_byte
   if (file.bytes() - start > most_bytes)
     throw misfit("it would be of " + std::to_string(file.bytes() - start) + " bytes");
   // The checksum is of the footer's beginning, too.
-  const std::string bytes = bytes_at(file, start, file.bytes() - kMcapMagic.size() - kCrcBytes - start);
+  const std::string bytes = bytes_at(file, start, file.bytes() - mcap::kMagic.size() - kCrcBytes - start);
   if (footer->summary_crc != 0 &&
       ::crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()) != footer->summary_crc)
     throw misfit("its checksum is wrong");

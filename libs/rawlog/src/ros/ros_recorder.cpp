@@ -12,32 +12,18 @@
 namespace mapweave::rawlog {
 namespace {
 
-using ros::Opcode;
+using mcap::append_record;
+using mcap::append_text;
+using mcap::Opcode;
 
 constexpr const char* kLibrary = "mapweave RosRecorder";
 constexpr std::size_t kMostHeadBytes = std::size_t{1} << 20;        // of all that stands before the first message
 constexpr std::size_t kStampAt = 4, kStampBytes = 8;                // in a message that begins with a header
 constexpr std::size_t kMessageStart = 22 + kStampAt + kStampBytes;  // fields of a record up to the message's stamp
 
-template <class Number>
-void append_number(std::string& to, Number number) {
-  for (std::size_t i = 0; i < sizeof(Number); ++i) to += static_cast<char>(number >> (8 * i) & 0xff);
-}
-
-void append_text(std::string& to, std::string_view text) {
-  append_number(to, static_cast<std::uint32_t>(text.size()));
-  to += text;
-}
-
-void append_record(std::string& to, Opcode opcode, std::string_view fields) {
-  to += static_cast<char>(opcode);
-  append_number(to, static_cast<std::uint64_t>(fields.size()));
-  to += fields;
-}
-
 // All that stands before the first message; a schema for each topic.
 std::string beginning_of(const std::vector<RecordedTopic>& topics) {
-  std::string bytes(ros::kMcapMagic), header;
+  std::string bytes(mcap::kMagic), header;
   append_text(header, "ros1");
   append_text(header, kLibrary);
   append_record(bytes, Opcode::kHeader, header);
@@ -65,7 +51,7 @@ std::string end_of_recording() {
   append_number(footer, std::uint64_t{0});
   append_number(footer, std::uint32_t{0});
   append_record(bytes, Opcode::kFooter, footer);
-  return bytes + std::string(ros::kMcapMagic);
+  return bytes + std::string(mcap::kMagic);
 }
 
 void raise(std::optional<std::int64_t>& newest_ns, std::optional<std::int64_t> stamp_ns) {
@@ -79,8 +65,8 @@ class WholeRecords {
 
   // Where the last whole record ends, before those of the recording's end.
   std::uint64_t walk() {
-    if (read(0, ros::kMcapMagic.size()) != ros::kMcapMagic) refuse("is no MCAP recording");
-    std::uint64_t at = ros::kMcapMagic.size();
+    if (read(0, mcap::kMagic.size()) != mcap::kMagic) refuse("is no MCAP recording");
+    std::uint64_t at = mcap::kMagic.size();
     for (bool is_first = true; file_.bytes() - at >= ros::kRecordHeadBytes; is_first = false) {
       const ros::RecordHead head = ros::parse_head(read(at, ros::kRecordHeadBytes).c_str());
       is_finished_ = head.opcode == Opcode::kDataEnd || head.opcode == Opcode::kFooter;
