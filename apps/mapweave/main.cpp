@@ -2,21 +2,16 @@
 
 #include "command.h"
 #include "command_line.h"
+#include "program_end.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
-#include <mapweave/core/journal.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/runtime/manifest.h>
-#include <mapweave/runtime/memory.h>
-#include <mapweave/transport/nats_connection.h>
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
-#include <iostream>
-#include <new>
 
 namespace mapweave::app {
 namespace {
@@ -127,42 +122,10 @@ ExitCode run_program(int argc, char** argv) {
   return ExitCode::wrong_usage;
 }
 
-void complain(const std::string& what, LogLevel level = LogLevel::error) {
-  std::fprintf(stderr, "%smapweave: %s\n", journal_prefix(level).c_str(), what.c_str());
-}
-
 }  // namespace
 }  // namespace mapweave::app
 
 int main(int argc, char** argv) {
-  using mapweave::ExitCode;
-  using mapweave::app::complain;
-  ExitCode code = ExitCode::failed;
-  mapweave::runtime::limit_kept_memory();
   mapweave::install_interrupt_handlers();
-  try {
-    const ExitCode ended = mapweave::app::run_program(argc, argv);
-    std::cout.flush();
-    if (!std::cout) throw mapweave::Error(mapweave::ErrorCode::kCannotWrite, "cannot write results", "standard output");
-    code = ended;
-  } catch (const mapweave::Interrupted& interrupted) {
-    complain(interrupted.message(), mapweave::LogLevel::info);
-    code = ExitCode::interrupted;
-  } catch (const mapweave::transport::BrokerAway& away) {
-    complain(away.what());
-    code = ExitCode::unanswered;
-  } catch (const mapweave::Error& error) {
-    complain(error.what());
-    code = mapweave::exit_code(error.code());
-  } catch (const std::filesystem::filesystem_error& error) {
-    complain(error.path1().string() + ": " + error.code().message() + "; check the path");
-    code = ExitCode::bad_input;
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "mapweave: out of memory\n");  // takes none
-  } catch (const std::exception& error) {
-    complain(std::string("internal error: ") + error.what());
-  } catch (...) {
-    complain("internal error");
-  }
-  return static_cast<int>(code);
+  return mapweave::app::exit_code_of("mapweave", [&] { return mapweave::app::run_program(argc, argv); });
 }

@@ -5,15 +5,10 @@
 
 #include <command_line.h>
 #include <mapweave/core/error.h>
-#include <mapweave/core/interrupt.h>
-#include <mapweave/core/log.h>
 #include <mapweave/runtime/manifest.h>
-#include <mapweave/runtime/memory.h>
-#include <mapweave/transport/nats_connection.h>
+#include <program_end.h>
 
 #include <cstdio>
-#include <iostream>
-#include <memory>
 
 namespace mapweave::ros_nodes {
 namespace {
@@ -142,30 +137,9 @@ ExitCode run_program(int argc, char** argv) {
   return app::serve_coordinator(app::load_deployment(given.role.file, given.role.flags), given.role.flags.out, node);
 }
 
-void complain(const std::string& what) { std::fprintf(stderr, "mapweave_ros: %s\n", what.c_str()); }
-
 }  // namespace
 }  // namespace mapweave::ros_nodes
 
 int main(int argc, char** argv) {
-  using mapweave::ExitCode;
-  using mapweave::ros_nodes::complain;
-  ExitCode code = ExitCode::failed;
-  mapweave::runtime::limit_kept_memory();
-  try {
-    code = mapweave::ros_nodes::run_program(argc, argv);
-    std::cout.flush();
-  } catch (const mapweave::Interrupted& interrupted) {
-    complain(interrupted.message());
-    code = ExitCode::interrupted;
-  } catch (const mapweave::transport::BrokerAway& away) {
-    complain(away.what());
-    code = ExitCode::unanswered;
-  } catch (const mapweave::Error& error) {
-    complain(error.what());
-    code = mapweave::exit_code(error.code());
-  } catch (const std::exception& error) {
-    complain(std::string("internal error: ") + error.what());
-  }
-  return static_cast<int>(code);
+  return mapweave::app::exit_code_of("mapweave_ros", [&] { return mapweave::ros_nodes::run_program(argc, argv); });
 }
