@@ -28,6 +28,7 @@ using namespace std::chrono_literals;
 constexpr auto kBetweenLooks = 500ms;
 constexpr auto kSettled = 2s;
 constexpr auto kPatience = 15s;
+constexpr auto kLongestLate = 30s;        // all messages of a topic: then something is wrong with its stamps
 constexpr std::uint32_t kQueue = 10'000;  // messages of a topic, while the disk is slow
 
 // Known by their definitions, which other programs need to read the recording.
@@ -187,7 +188,10 @@ void TopicRecorder::begin(std::vector<rawlog::RecordedTopic> topics) {
   subscribe();
 }
 
-void TopicRecorder::expect_topics() { is_repeated_.assign(recorder_->topics().size(), false); }
+void TopicRecorder::expect_topics() {
+  is_repeated_.assign(recorder_->topics().size(), false);
+  late_since_.assign(recorder_->topics().size(), std::nullopt);
+}
 
 void TopicRecorder::subscribe() {
   subscribers_.clear();
@@ -227,13 +231,41 @@ void TopicRecorder::take(std::size_t topic, const Message& message) {
                                    "played in a loop is mapped once)");
       return;
     }
+    if (is_late(topic, *stamp_ns)) return;
   }
-  received_ = Clock::now();
   try {
     recorder_->add(topic, static_cast<std::int64_t>(message.getReceiptTime().toNSec()), bytes);
   } catch (const Error& error) {
     trouble_ = error;
   }
+}
+
+// Whether it comes so long after newer messages of other topics that no window puts it in order. It is left out then.
+bool TopicRecorder::is_late(std::size_t topic, std::int64_t stamp_ns) {
+  const std::vector<rawlog::RecordedTopic>& topics = recorder_->topics();
+  std::int64_t newest_ns = stamp_ns;
+  for (std::size_t other = 0; other < topics.size(); ++other)
+    if (topics[other].type != "sensor_msgs/CameraInfo")
+      newest_ns = std::max(newest_ns, recorder_->newest_ns(other).value_or(stamp_ns));
+  std::optional<Clock::time_point>& since = late_since_[topic];
+  if (topics[topic].type == "sensor_msgs/CameraInfo" || newest_ns - stamp_ns <= window_ns_) {
+    since.reset();
+    return false;
+  }
+  const std::string by = std::to_string(static_cast<double>(newest_ns - stamp_ns) * 1e-9) + " s";
+  if (late_++ == 0)
+    log(LogLevel::warning, "robot " + robot_.str() + ": a message of " + topics[topic].name + " came " + by +
+                               " after newer ones of other topics, later than reading.reorder_window_s allows; it is "
+                               "left out, as all that come so late");
+  if (!since) since = Clock::now();
+  if (Clock::now() - *since > kLongestLate)
+    trouble_ =
+        Error(ErrorCode::kBadInput,
+              "the stamps of " + topics[topic].name + " stay " + by + " behind those of the robot's other topics",
+              "robot " + robot_.str(),
+              "let its driver stamp when it sensed, or set reading.reorder_window_s "
+              "to more than that");
+  return true;
 }
 
 // Not under mutex_: roscpp waits for a message that is being taken, which waits for mutex_.
@@ -249,6 +281,9 @@ void TopicRecorder::unsubscribe() {
 void TopicRecorder::finish() {
   unsubscribe();
   const std::lock_guard lock(mutex_);
+  if (late_ > 0)
+    log(LogLevel::warning,
+        "robot " + robot_.str() + ": " + std::to_string(late_) + " messages came too late and were left out");
   if (recorder_) recorder_->finish();
 }
 
@@ -261,18 +296,6 @@ void TopicRecorder::leave() {
   unsubscribe();
   const std::lock_guard lock(mutex_);
   recorder_.reset();
-}
-
-RecorderCounts TopicRecorder::counts() const {
-  const std::lock_guard lock(mutex_);
-  RecorderCounts counts;
-  counts.repeated = repeated_;
-  if (!recorder_) return counts;
-  for (const rawlog::RecordedTopic& topic : recorder_->topics()) counts.topics.push_back(topic.name);
-  counts.messages = recorder_->messages();
-  if (received_ != Clock::time_point())
-    counts.received_s = std::chrono::duration<double>(Clock::now() - received_).count();
-  return counts;
 }
 
 }  // namespace mapweave::ros_nodes

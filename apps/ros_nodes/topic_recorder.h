@@ -16,13 +16,6 @@
 
 namespace mapweave::ros_nodes {
 
-struct RecorderCounts {
-  std::vector<std::string> topics;  // none: it waits for them
-  std::uint64_t messages = 0;
-  std::uint64_t repeated = 0;        // left out: their time was recorded already, as where a bag is played again
-  std::optional<double> received_s;  // since the last message
-};
-
 // Calls are thread-safe; messages are taken by whoever spins.
 class TopicRecorder {
  public:
@@ -32,13 +25,13 @@ class TopicRecorder {
                 const runtime::RunConfiguration& configuration);
 
   // Now and then: looks for the robot's topics, and begins once they are there and no new ones come. Throws Error:
-  // kBadInput where it is not clear which topics it should take, and kCannotWrite where the disk is full.
+  // kBadInput where it is not clear which topics it should take or where the stamps of one stay behind, kCannotWrite
+  // where the disk is full.
   void look();
   bool is_recording() const;
   void finish();  // what comes later is left out
   void leave();   // the program ends: another one goes on with the recording
   void sent();    // the robot's edge has it all, or the map is written: nobody goes on with it
-  RecorderCounts counts() const;
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -49,6 +42,7 @@ class TopicRecorder {
   void subscribe();
   void unsubscribe();
   void take(std::size_t topic, const Message& message);
+  bool is_late(std::size_t topic, std::int64_t stamp_ns);
   bool is_of_mapweave(const std::string& publisher);
 
   ros::NodeHandle node_;
@@ -63,10 +57,11 @@ class TopicRecorder {
   std::unique_ptr<rawlog::RosRecorder> recorder_;  // null: it waits for topics
   std::vector<ros::Subscriber> subscribers_;
   std::vector<std::string> last_seen_;  // topics, while they still come
-  Clock::time_point seen_since_{}, next_look_{}, received_{}, warned_{};
-  std::vector<bool> is_repeated_;           // by topic: its stamps jumped back
-  std::map<std::string, bool> publishers_;  // whether they are programs of mapweave
-  std::uint64_t repeated_ = 0;
+  Clock::time_point seen_since_{}, next_look_{}, warned_{};
+  std::vector<bool> is_repeated_;                             // by topic: its stamps jumped back
+  std::vector<std::optional<Clock::time_point>> late_since_;  // by topic: all of its messages have been late
+  std::map<std::string, bool> publishers_;                    // whether they are programs of mapweave
+  std::uint64_t repeated_ = 0, late_ = 0;
   std::optional<Error> trouble_;
 };
 
