@@ -3,9 +3,11 @@
 #include <mapweave/transport/nats_board.h>
 #include <mapweave/transport/nats_stream.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <thread>
 
 namespace mapweave::transport {
 namespace {
@@ -239,6 +241,35 @@ TEST_F(NatsBoardTest, keeps_the_last_word_of_each) {
   EXPECT_EQ(last->bytes, word);
   EXPECT_LT(std::abs(std::chrono::duration<double>(std::chrono::system_clock::now() - last->stored).count()), 60.0);
   EXPECT_FALSE(board.put("robot-alpha", std::string(300 << 10, 'x'))) << "too long";
+}
+
+// Before 2.10 the server ends where a stream is read that it is about to make.
+TEST_F(NatsBoardTest, is_asked_while_it_is_made) {
+  const Broker broker(options());
+  const auto asks = connect(broker), makes = connect(broker);
+  for (int number = 0; number < 60; ++number) {
+    const std::string name = "words" + std::to_string(number), stream = "stream" + std::to_string(number);
+    NatsBoard board(makes, name);
+    NatsStream wire(makes, {stream, {"mw." + stream}, {}, 1 << 20, 120.0});
+    std::atomic<bool> is_made = false;
+    std::thread reader([&] {
+      const NatsBoard other(asks, name);
+      NatsConsumer consumer(asks, {stream, {}, "reader", "mw." + stream});
+      do {
+        EXPECT_FALSE(other.last("robot-alpha", 10s));
+        EXPECT_TRUE(other.words(10s).empty());
+        try {
+          consumer.ensure(10s);
+        } catch (const Error& error) {
+          EXPECT_EQ(error.code(), ErrorCode::kMissing);
+        }
+      } while (!is_made);
+    });
+    wire.ensure(10s);
+    board.ensure(10s);
+    is_made = true;
+    reader.join();
+  }
 }
 
 }  // namespace

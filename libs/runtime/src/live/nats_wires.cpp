@@ -142,14 +142,14 @@ void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan&
     transport::BrokerUser& of_robot = user("robot-" + robot.id.str());
     for (const TierId& edge : plan.edges)
       if (edge != robot.edge) allow(of_robot, of_edge(edge), transport::nats_token(robot.id.str()), Side::opens);
-    allow_board(of_robot, kPlans, {"MSG.GET"});
+    allow_board(of_robot, kPlans, {"INFO", "MSG.GET"});
   }
   for (const TierId& edge : plan.edges) {
     transport::BrokerUser& of_this = user("edge-" + edge.str());
     of_this.may_publish.push_back(transport::NatsBoard::subject_of(kBoard, maps_word_of(edge)));
-    allow_board(of_this, kPlans, {"MSG.GET"});
+    allow_board(of_this, kPlans, {"INFO", "MSG.GET"});
   }
-  allow_board(user("cloud"), kPlans, {"MSG.GET"});
+  allow_board(user("cloud"), kPlans, {"INFO", "MSG.GET"});
   transport::BrokerUser coordinator = new_user("coordinator");
   coordinator.may_publish.push_back(transport::NatsBoard::subject_of(kPlans, "coordinator"));
   allow_board(coordinator, kBoard, {"INFO", "CREATE", "MSG.GET"});
@@ -175,7 +175,8 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
   for (const TierId& edge : plan.edges) {
     const std::string domain = domain_of(edge_entry(configuration, edge));
     allow(cloud, of_cloud(edge), "*", Side::accepts, domain);
-    if (!domain.empty()) doctor.may_publish.push_back("$JS." + domain + ".API.STREAM.MSG.GET." + kBoard);
+    for (const char* what : {"INFO", "MSG.GET"})
+      if (!domain.empty()) doctor.may_publish.push_back("$JS." + domain + ".API.STREAM." + what + "." + kBoard);
     if (!is_here(edge)) continue;
     transport::BrokerUser& user = users.emplace_back(new_user("edge-" + edge.str()));
     allow(user, of_edge(edge), "*", Side::accepts);

@@ -6,6 +6,16 @@ namespace mapweave::transport {
 
 using Json = nlohmann::json;
 
+namespace {
+
+constexpr char kNeverMade[] = "0001-01-01T";  // how Go writes a time that was never set
+
+}  // namespace
+
+std::string api_of(const std::string& domain, const std::string& what) {
+  return (domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") + what;
+}
+
 int error_code_of(const Json& answer) {
   if (!answer.is_object() || !answer.contains("error") || !answer["error"].is_object()) return 0;
   for (const char* key : {"err_code", "code"})
@@ -19,6 +29,11 @@ std::string error_text_of(const Json& answer) {
   if (!answer.is_object() || !answer.contains("error") || !answer["error"].is_object()) return number;
   const auto text = answer["error"].find("description");
   return text != answer["error"].end() && text->is_string() ? text->get<std::string>() : number;
+}
+
+void throw_refused(NatsConnection& connection, const std::string& what, const Json& answer) {
+  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + error_text_of(answer),
+              connection.state().server, "see the broker's configuration and what else uses these names");
 }
 
 Json ask_jetstream(NatsConnection& connection, const std::string& subject, const Json& request,
@@ -36,6 +51,17 @@ Json ask_jetstream(NatsConnection& connection, const std::string& subject, const
     throw Error(ErrorCode::kCorrupt, "the broker's answer to '" + subject + "' is not JSON", server,
                 "use nats-server 2.9 or newer");
   return json;
+}
+
+std::optional<Json> ask_stream(NatsConnection& connection, const std::string& domain, const std::string& stream,
+                               std::chrono::milliseconds patience) {
+  Json answer = ask_jetstream(connection, api_of(domain, "STREAM.INFO." + stream), {}, patience);
+  if (error_code_of(answer) == kMissingStream) return std::nullopt;
+  if (error_code_of(answer) != 0) throw_refused(connection, "stream '" + stream + "'", answer);
+  if (const auto created = answer.find("created"); created != answer.end() && created->is_string() &&
+                                                   created->get_ref<const std::string&>().rfind(kNeverMade, 0) == 0)
+    return std::nullopt;
+  return answer;
 }
 
 }  // namespace mapweave::transport

@@ -17,7 +17,7 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kLongest = std::size_t{256} << 10;
 constexpr std::int64_t kMostBytes = std::int64_t{64} << 20;
-constexpr int kMissingMessage = 10037, kMissingStream = 10059, kNameInUse = 10058;
+constexpr int kMissingMessage = 10037, kNameInUse = 10058;
 
 std::string decoded(const std::string& base64, const std::string& where) {
   std::string bytes(base64.size() / 4 * 3, '\0');
@@ -45,26 +45,25 @@ std::chrono::system_clock::time_point time_of(const std::string& text, const std
 
 }  // namespace
 
-NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, const std::string& domain)
+NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, std::string domain)
     : connection_(std::move(connection)),
       stream_(std::move(stream)),
-      api_(domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") {}
+      domain_(std::move(domain)) {}
 
 std::string NatsBoard::subject_of(const std::string& stream, const std::string& name) {
   return "mw." + stream + "." + nats_token(name);
 }
 
 void NatsBoard::ensure(std::chrono::milliseconds patience) {
-  if (error_code_of(ask_jetstream(*connection_, api_ + "STREAM.INFO." + stream_, {}, patience)) == 0) return;
+  if (ask_stream(*connection_, domain_, stream_, patience)) return;
   const Json wanted = {{"name", stream_},           {"subjects", {"mw." + stream_ + ".*"}},
                        {"retention", "limits"},     {"discard", "old"},
                        {"storage", "file"},         {"num_replicas", 1},
                        {"max_msgs_per_subject", 1}, {"max_msg_size", kLongest},
                        {"max_bytes", kMostBytes}};
-  const Json made = ask_jetstream(*connection_, api_ + "STREAM.CREATE." + stream_, wanted, patience);
+  const Json made = ask_jetstream(*connection_, api_of(domain_, "STREAM.CREATE." + stream_), wanted, patience);
   if (const int code = error_code_of(made); code != 0 && code != kNameInUse)
-    throw Error(ErrorCode::kBadInput, "the broker refuses stream '" + stream_ + "': " + error_text_of(made),
-                connection_->state().server, "see the broker's configuration");
+    throw_refused(*connection_, "to make stream '" + stream_ + "'", made);
 }
 
 bool NatsBoard::put(const std::string& name, std::string_view word) {
@@ -72,11 +71,13 @@ bool NatsBoard::put(const std::string& name, std::string_view word) {
 }
 
 std::optional<NatsBoard::Word> NatsBoard::last(const std::string& name, std::chrono::milliseconds patience) const {
+  if (!ask_stream(*connection_, domain_, stream_, patience)) return std::nullopt;
   return last_on(subject_of(stream_, name), patience);
 }
 
 std::vector<NatsBoard::Word> NatsBoard::words(std::chrono::milliseconds patience) const {
-  const Json answer = ask_jetstream(*connection_, api_ + "STREAM.INFO." + stream_,
+  if (!ask_stream(*connection_, domain_, stream_, patience)) return {};
+  const Json answer = ask_jetstream(*connection_, api_of(domain_, "STREAM.INFO." + stream_),
                                     {{"subjects_filter", "mw." + stream_ + ".*"}}, patience);
   const int code = error_code_of(answer);
   if (code == kMissingStream) return {};
@@ -106,7 +107,7 @@ std::optional<NatsBoard::Word> NatsBoard::last_on(const std::string& subject,
                                                   std::chrono::milliseconds patience) const {
   const std::string where = connection_->state().server;
   const Json answer =
-      ask_jetstream(*connection_, api_ + "STREAM.MSG.GET." + stream_, {{"last_by_subj", subject}}, patience);
+      ask_jetstream(*connection_, api_of(domain_, "STREAM.MSG.GET." + stream_), {{"last_by_subj", subject}}, patience);
   return word_of(answer, where);
 }
 

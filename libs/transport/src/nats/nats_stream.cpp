@@ -4,6 +4,7 @@
 #include <mapweave/transport/nats_stream.h>
 
 #include <algorithm>
+#include <thread>
 
 namespace mapweave::transport {
 namespace {
@@ -12,15 +13,13 @@ using Json = nlohmann::json;
 using std::chrono::milliseconds;
 
 // Of the server's error codes (errors.json of nats-server).
-constexpr int kStreamMissing = 10059, kConsumerMissing = 10014, kNameInUse = 10058, kConsumerInUse = 10013,
+constexpr int kConsumerMissing = 10014, kNameInUse = 10058, kConsumerInUse = 10013,
               kConsumerExists = 10105, kDurableDiffers = 10106;
 constexpr int kFull[] = {10077, 10047, 10023, 10028, 10002};  // no room: of the stream, the disk, the account
 
-std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(seconds * 1e9); }
+constexpr milliseconds kPause{10};  // until one looks again whether a stream is made that another makes
 
-std::string api_of(const std::string& domain, const std::string& what) {
-  return (domain.empty() ? "$JS.API." : "$JS." + domain + ".API.") + what;
-}
+std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(seconds * 1e9); }
 
 // What a broker's answer says; hostile as all that comes.
 template <class Use>
@@ -38,11 +37,6 @@ std::uint64_t count_at(const Json& json, const char* key) {
 }
 std::uint64_t count_at(const Json& json, const char* key, std::uint64_t otherwise) {
   return json.is_object() && !json.contains(key) ? otherwise : count_at(json, key);
-}
-
-[[noreturn]] void refused(NatsConnection& connection, const std::string& what, const Json& answer) {
-  throw Error(ErrorCode::kBadInput, "the broker refuses " + what + ": " + error_text_of(answer),
-              connection.state().server, "see the broker's configuration and what else uses these names");
 }
 
 std::optional<ConsumerState> consumer_state(const Json& answer) {
@@ -66,7 +60,7 @@ Publication publication_of(const NatsMessage& answer) {
   if (const int code = error_code_of(json); code != 0) {
     for (const int full : kFull)
       if (code == full) return {Outcome::full, 0, false, error_text_of(json)};
-    return {code == kStreamMissing ? Outcome::no_stream : Outcome::refused, 0, false, error_text_of(json)};
+    return {code == kMissingStream ? Outcome::no_stream : Outcome::refused, 0, false, error_text_of(json)};
   }
   const auto stored = read(json, [](const Json& one) {
     return Publication{Outcome::stored, count_at(one, "seq"), one.value("duplicate", false), {}};
@@ -98,10 +92,10 @@ bool NatsStream::ensure(milliseconds patience) {
     return ask_jetstream(*connection_, api_of(options_.domain, "STREAM." + what + "." + options_.name), request,
                          patience);
   };
-  const Json known = ask("INFO", {});
-  if (error_code_of(known) == 0) {
+  const auto known = ask_stream(*connection_, options_.domain, options_.name, patience);
+  if (known) {
     const bool is_as_wanted =
-        read(known, [&](const Json& json) {
+        read(*known, [&](const Json& json) {
           const Json& config = json.at("config");
           for (const char* key : {"subjects", "retention", "discard", "max_bytes", "duplicate_window"})
             if (config.at(key) != wanted.at(key)) return false;
@@ -109,22 +103,22 @@ bool NatsStream::ensure(milliseconds patience) {
         }).value_or(false);
     if (is_as_wanted) return false;
     const Json updated = ask("UPDATE", wanted);
-    if (error_code_of(updated) != 0) refused(*connection_, "to change stream '" + options_.name + "'", updated);
+    if (error_code_of(updated) != 0) throw_refused(*connection_, "to change stream '" + options_.name + "'", updated);
     return false;
   }
-  if (error_code_of(known) != kStreamMissing) refused(*connection_, "stream '" + options_.name + "'", known);
   const Json made = ask("CREATE", wanted);
-  if (error_code_of(made) == kNameInUse) return ensure(patience);  // another made it meanwhile
-  if (error_code_of(made) != 0) refused(*connection_, "to make stream '" + options_.name + "'", made);
+  if (error_code_of(made) == kNameInUse && patience > kPause) {  // another makes it
+    std::this_thread::sleep_for(kPause);
+    return ensure(patience - kPause);
+  }
+  if (error_code_of(made) != 0) throw_refused(*connection_, "to make stream '" + options_.name + "'", made);
   return true;
 }
 
 std::optional<StreamState> NatsStream::state(milliseconds patience) const {
-  const Json answer =
-      ask_jetstream(*connection_, api_of(options_.domain, "STREAM.INFO." + options_.name), {}, patience);
-  if (error_code_of(answer) == kStreamMissing) return std::nullopt;
-  if (error_code_of(answer) != 0) refused(*connection_, "stream '" + options_.name + "'", answer);
-  return read(answer, [](const Json& json) {
+  const auto answer = ask_stream(*connection_, options_.domain, options_.name, patience);
+  if (!answer) return std::nullopt;
+  return read(*answer, [](const Json& json) {
     const Json& state = json.at("state");
     return StreamState{count_at(state, "messages"), count_at(state, "bytes"), count_at(state, "first_seq"),
                        count_at(state, "last_seq")};
@@ -182,15 +176,16 @@ bool NatsConsumer::ensure(milliseconds patience) {
     if (!is_as_wanted) remake(consumer_state(known), patience);
     return false;
   }
-  if (error_code_of(known) == kStreamMissing)
+  if (const int code = error_code_of(known); code != kConsumerMissing && code != kMissingStream)
+    throw_refused(*connection_, "consumer '" + options_.name + "'", known);
+  if (!ask_stream(*connection_, options_.domain, options_.stream, patience))
     throw Error(ErrorCode::kMissing, "there is no stream '" + options_.stream + "'", connection_->state().server,
                 "its sender makes it; see whether that runs");
-  if (error_code_of(known) != kConsumerMissing) refused(*connection_, "consumer '" + options_.name + "'", known);
   const Json made =
       ask_jetstream(*connection_, api("CONSUMER.DURABLE.CREATE"), consumer_request(options_, 0), patience);
   const int code = error_code_of(made);
   if (code == kConsumerInUse || code == kConsumerExists || code == kDurableDiffers) return false;
-  if (code != 0) refused(*connection_, "to make consumer '" + options_.name + "'", made);
+  if (code != 0) throw_refused(*connection_, "to make consumer '" + options_.name + "'", made);
   return true;
 }
 
@@ -202,7 +197,7 @@ void NatsConsumer::remake(const std::optional<ConsumerState>& before, millisecon
   if (before) ask_jetstream(*connection_, api("CONSUMER.DELETE"), {}, patience);
   const Json made = ask_jetstream(*connection_, api("CONSUMER.DURABLE.CREATE"),
                                   consumer_request(options_, before ? before->acknowledged + 1 : 0), patience);
-  if (error_code_of(made) != 0) refused(*connection_, "to make consumer '" + options_.name + "' again", made);
+  if (error_code_of(made) != 0) throw_refused(*connection_, "to make consumer '" + options_.name + "' again", made);
 }
 
 std::optional<ConsumerState> NatsConsumer::state(milliseconds patience) const {

@@ -13,7 +13,7 @@ class NatsBoard {
  public:
   // stream: letters, digits, '_', '-'. domain: of the broker that keeps it; empty: the connected one. What is put goes
   // to the connected one and to all brokers that are connected with it and have the stream.
-  NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, const std::string& domain = {});
+  NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, std::string domain = {});
   static std::string subject_of(const std::string& stream, const std::string& name);
 
   // Makes the stream where it is missing. Throws Error: kMissing where the broker does not answer, kBadInput where it
@@ -34,7 +34,7 @@ class NatsBoard {
   std::optional<Word> last_on(const std::string& subject, std::chrono::milliseconds patience) const;
 
   std::shared_ptr<NatsConnection> connection_;
-  std::string stream_, api_;
+  std::string stream_, domain_;
 };
 
 }  // namespace mapweave::transport
