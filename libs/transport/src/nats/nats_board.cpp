@@ -46,9 +46,7 @@ std::chrono::system_clock::time_point time_of(const std::string& text, const std
 }  // namespace
 
 NatsBoard::NatsBoard(std::shared_ptr<NatsConnection> connection, std::string stream, std::string domain)
-    : connection_(std::move(connection)),
-      stream_(std::move(stream)),
-      domain_(std::move(domain)) {}
+    : connection_(std::move(connection)), stream_(std::move(stream)), domain_(std::move(domain)) {}
 
 std::string NatsBoard::subject_of(const std::string& stream, const std::string& name) {
   return "mw." + stream + "." + nats_token(name);

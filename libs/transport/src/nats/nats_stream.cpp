@@ -13,8 +13,8 @@ using Json = nlohmann::json;
 using std::chrono::milliseconds;
 
 // Of the server's error codes (errors.json of nats-server).
-constexpr int kConsumerMissing = 10014, kNameInUse = 10058, kConsumerInUse = 10013,
-              kConsumerExists = 10105, kDurableDiffers = 10106;
+constexpr int kConsumerMissing = 10014, kNameInUse = 10058, kConsumerInUse = 10013, kConsumerExists = 10105,
+              kDurableDiffers = 10106;
 constexpr int kFull[] = {10077, 10047, 10023, 10028, 10002};  // no room: of the stream, the disk, the account
 
 constexpr milliseconds kPause{10};  // until one looks again whether a stream is made that another makes
