@@ -43,7 +43,7 @@ struct Search {
 
 // Two maps that one doubtful match connects to 2 m, the first map's first or last submap to the second's first: what is
 // so vague confirms nothing.
-Search searched(const Map& one, const Map& other, const Pose2& one_from_other, bool is_final,
+Search searched(const Map& one, const Map& other, const Pose2& one_from_other, SearchExtent extent,
                 bool is_matched_at_end = false) {
   WorkerPool pool(1);
   Memo memo;
@@ -64,7 +64,7 @@ Search searched(const Map& one, const Map& other, const Pose2& one_from_other, b
   given.information = Eigen::Vector3d(0.25, 0.25, 400.0).asDiagonal();
   given.probability = 0.5;
   const auto between_maps = [&](std::size_t i, std::size_t j) { return graph.map_of(i) != graph.map_of(j); };
-  const auto found = ConstraintSearch(maps, graph, judge).run({0, 1}, {given}, between_maps, 12, is_final);
+  const auto found = ConstraintSearch(maps, graph, judge).run({0, 1}, {given}, between_maps, 12, extent);
   return {found.matches.size() - 1, between(found.solved.pose_of(last), found.solved.pose_of(given.to))};
 }
 
@@ -76,15 +76,32 @@ TEST(ConstraintSearch, of_a_team_finds_what_little_two_maps_share_where_one_ends
     const std::size_t end = whole.steps.size() * 40 / 100, begin = end + gap;
     const Map one = part_of(whole, "one", 0, end), other = part_of(whole, "other", begin, whole.steps.size());
     const Pose2 one_from_other = between(whole.steps.front().world_from_robot, whole.steps[begin].world_from_robot);
-    EXPECT_EQ(searched(one, other, compose(one_from_other, kOff), false).matches, 0U)
+    EXPECT_EQ(searched(one, other, compose(one_from_other, kOff), SearchExtent::quick).matches, 0U)
         << gap;  // while nothing says that they are one team
-    const Search found = searched(one, other, compose(one_from_other, kOff), true),
-                 truth = searched(one, other, one_from_other, true);
+    const Search found = searched(one, other, compose(one_from_other, kOff), SearchExtent::final),
+                 truth = searched(one, other, one_from_other, SearchExtent::final);
     EXPECT_GE(found.matches, 2U) << gap;
     const Pose2 apart = between(truth.last_from_first, found.last_from_first);
     EXPECT_LT(std::hypot(apart.x, apart.y), 0.05) << gap;
     EXPECT_LT(std::abs(apart.phi), 0.01) << gap;
   }
+}
+
+TEST(ConstraintSearch, finds_where_places_look_alike_though_the_graph_has_them_too_far_apart) {
+  const Drive whole = drive(7);
+  const std::size_t begin = whole.steps.size() * 3 / 10, end = whole.steps.size() * 7 / 10;
+  const Map one = part_of(whole, "one", 0, end), other = part_of(whole, "other", begin, whole.steps.size());
+  const Pose2 one_from_other = between(whole.steps.front().world_from_robot, whole.steps[begin].world_from_robot);
+  const Pose2 too_far{8.0, -6.0, 0.12};  // with a standard deviation of 2 m, windows reach 6 m
+  EXPECT_EQ(searched(one, other, compose(one_from_other, too_far), SearchExtent::final).matches, 0U);
+  const Search found = searched(one, other, compose(one_from_other, too_far), SearchExtent::alike),
+               truth = searched(one, other, one_from_other, SearchExtent::final);
+  EXPECT_GE(found.matches, 2U);
+  const Pose2 apart = between(truth.last_from_first, found.last_from_first);
+  EXPECT_LT(std::hypot(apart.x, apart.y), 0.05);
+  EXPECT_LT(std::abs(apart.phi), 0.01);
+  const Pose2 impossible{30.0, -20.0, 0.5};
+  EXPECT_EQ(searched(one, other, compose(one_from_other, impossible), SearchExtent::alike).matches, 0U);
 }
 
 TEST(ConstraintSearch, finds_nothing_between_maps_that_were_matched_wrongly) {
@@ -96,8 +113,9 @@ TEST(ConstraintSearch, finds_nothing_between_maps_that_were_matched_wrongly) {
       const Map other = part_of(alien, "other", begin, alien.steps.size());
       const Pose2 laid = between(whole.steps.front().world_from_robot, whole.steps[half - 1].world_from_robot);
       for (const bool is_matched_at_end : {false, true})
-        EXPECT_EQ(searched(one, other, laid, true, is_matched_at_end).matches, 0U)
-            << begin << " of " << alien.steps.size();
+        for (const SearchExtent extent : {SearchExtent::final, SearchExtent::alike})
+          EXPECT_EQ(searched(one, other, laid, extent, is_matched_at_end).matches, 0U)
+              << begin << " of " << alien.steps.size();
     }
 }
 

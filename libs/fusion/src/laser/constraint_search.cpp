@@ -54,13 +54,23 @@ class Search {
  public:
   // All outlive it.
   Search(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, SubmapJudge& judge,
-         const std::vector<std::size_t>& members, const SubmapsInScope& in_scope, bool is_final)
-      : maps_(maps), graph_(graph), judge_(judge), members_(members), in_scope_(in_scope), is_final_(is_final) {}
+         const std::vector<std::size_t>& members, const SubmapsInScope& in_scope, SearchExtent extent)
+      : maps_(maps),
+        graph_(graph),
+        judge_(judge),
+        members_(members),
+        in_scope_(in_scope),
+        extent_(extent),
+        is_final_(extent == SearchExtent::final) {}
 
   ConstraintSearchResult run(std::vector<SubmapMatch> matches, int most_rounds) {
     result_.matches = std::move(matches);
     settle();
-    const std::size_t given = result_.matches.size();
+    const auto given = static_cast<std::size_t>(
+        std::count_if(result_.matches.begin(), result_.matches.end(),
+                      [&](const SubmapMatch& m) { return in_scope_(std::min(m.from, m.to), std::max(m.from, m.to)); }));
+    if (extent_ == SearchExtent::alike && !look_at_alike()) return std::move(result_);
+    const bool may_give_up = extent_ == SearchExtent::quick || is_final_;
     // In the last search narrow and wide windows take turns once they find nothing new: narrow ones are many, and
     // rounds are few.
     bool widen = false;
@@ -83,7 +93,7 @@ class Search {
       fruitless = any ? 0 : fruitless + 1;
       if (is_final_ && fruitless == kFruitless) break;
       widen = is_final_ && !any && !is_wide;
-      if (!is_wide && result_.supporting + result_.contradicting >= kFewestLooks &&
+      if (may_give_up && !is_wide && result_.supporting + result_.contradicting >= kFewestLooks &&
           result_.contradicting > 2 * (result_.supporting + given) + 2) {
         result_.is_hopeless = true;
         break;
@@ -127,6 +137,21 @@ class Search {
       (is_wide ? waiting_ : result_.matches).push_back(answer.hypotheses.front());
     }
     return any;
+  }
+
+  // True: some places that look alike were found to be the same.
+  bool look_at_alike() {
+    graph::RelativeCovariance covariance = result_.solved.covariance();
+    SearchCandidates candidates(maps_, graph_, in_scope_, result_.solved, covariance, examined_);
+    std::vector<SubmapQuestion> questions = candidates.alike();
+    ask(questions, true);
+    waiting_.erase(std::remove_if(waiting_.begin(), waiting_.end(),
+                                  [&](const SubmapMatch& match) { return !candidates.may_be(match); }),
+                   waiting_.end());
+    look_beside(0);
+    if (!confirm(covariance)) return false;
+    settle();
+    return true;
   }
 
   // What a match of a wide window says of the submaps around its own, looked up there: too little of these may be
@@ -189,6 +214,7 @@ class Search {
   SubmapJudge& judge_;
   const std::vector<std::size_t>& members_;
   const SubmapsInScope& in_scope_;
+  SearchExtent extent_;
   bool is_final_;
   ConstraintSearchResult result_;
   ExaminedPairs examined_;
@@ -198,8 +224,8 @@ class Search {
 }  // namespace
 
 ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
-                                             const SubmapsInScope& in_scope, int most_rounds, bool is_final) {
-  return Search(maps_, graph_, judge_, members, in_scope, is_final).run(std::move(matches), most_rounds);
+                                             const SubmapsInScope& in_scope, int most_rounds, SearchExtent extent) {
+  return Search(maps_, graph_, judge_, members, in_scope, extent).run(std::move(matches), most_rounds);
 }
 
 }  // namespace mapweave::fusion

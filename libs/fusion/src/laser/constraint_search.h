@@ -22,16 +22,21 @@ struct ConstraintSearchResult {
   std::size_t contradicting = 0;     // the same, and found not to
   bool is_hopeless = false;          // given up early: most of what was expected is not there
 };
+enum class SearchExtent {
+  quick,     // gives up early
+  thorough,  // does not
+  final,     // looks also where the graph hardly knows how two places lie to each other (a loop of hundreds of metres)
+  alike      // first looks at places that look alike, wherever the graph has them
+};
 
 class ConstraintSearch {
  public:
   ConstraintSearch(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, SubmapJudge& judge)
       : maps_(maps), graph_(graph), judge_(judge) {}
 
-  // `in_scope(i, j)`, i < j: whether a pair of submaps of the members is looked at. `is_final`: also where the graph
-  // hardly knows how two places lie to each other (a loop of hundreds of metres).
+  // `in_scope(i, j)`, i < j: whether a pair of submaps of the members is looked at.
   ConstraintSearchResult run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
-                             const SubmapsInScope& in_scope, int most_rounds, bool is_final);
+                             const SubmapsInScope& in_scope, int most_rounds, SearchExtent extent);
 
  private:
   const std::vector<PreparedMap>& maps_;

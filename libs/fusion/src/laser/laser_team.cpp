@@ -117,12 +117,14 @@ void LaserMerger::close_loops(LaserTeam& team) {
     return refused_.count(std::minmax(a, b)) == 0 && !are_grids(i, j) && !merged_.are_together(a, b);
   };
   const auto search = [&] {
-    ConstraintSearchResult found = search_.run(team.maps, std::move(team.matches), in_scope, kMostRounds, true);
+    ConstraintSearchResult found =
+        search_.run(team.maps, std::move(team.matches), in_scope, kMostRounds, SearchExtent::final);
     team.matches = std::move(found.matches);
     team.solved = std::move(found.solved);
   };
   search();
   if (input_.is_preview) return;  // where walls stand a little apart, the next round may show more
+  if (close_unexpected_loops(team, in_scope)) search();
   std::set<Hash> asked;
   for (int round = 0; round < kMostMendings; ++round) {
     const std::vector<SubmapMatch> found = matches_at_ghosts(

@@ -53,6 +53,7 @@ struct MergeHypothesis {
   double prior_log_odds = 0.0;          // of these, what priors add
   bool is_of_grids = false;             // two map_server grids, aligned as a whole
   Proposer proposer = Proposer::prior;  // the last one whose matches it began with
+  std::vector<Hash> grown_from;         // judgements of all matches it began with, of each group and between them
 };
 
 struct LaserTeam {
@@ -107,7 +108,7 @@ class LaserMerger {
     std::vector<SubmapAnswer> answers;
   };
   struct Evaluation {
-    std::size_t answers = 0;                  // that it rests on
+    std::size_t answers = 0, refused = 0;     // that it rests on: judgements, pairs of maps that must not be matched
     std::vector<MergeHypothesis> hypotheses;  // best first
     double probability = 0.0;                 // of the best, against the others and against none
     bool repeats = false;                     // what fits looks like other places of the same maps
@@ -145,6 +146,11 @@ class LaserMerger {
   bool merge_surest();
   void merge_all();
   void close_loops(LaserTeam& team);
+  bool close_unexpected_loops(LaserTeam& team, const SubmapsInScope& in_scope);
+  struct LoopEvidence {
+    double fit_m = 0.0, log_odds = 0.0;
+  };
+  LoopEvidence loop_evidence(const LaserTeam& team) const;
   std::vector<std::vector<PlacedSubmap>> placed_apart(const std::vector<std::size_t>& maps,
                                                       const PoseOfSubmap& pose_of) const;
   std::vector<SubmapMatch> matches_at_ghosts(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,

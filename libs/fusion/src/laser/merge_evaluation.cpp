@@ -24,6 +24,15 @@ constexpr std::size_t kFewestToMend = 3;     // matches
 constexpr double kAsGoodAFit = 0.9;          // of the best one's wall on wall: less is what another place has by chance
 constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior
 
+std::vector<Hash> judgements_of(std::initializer_list<const std::vector<SubmapMatch>*> matches) {
+  std::vector<Hash> result;
+  for (const std::vector<SubmapMatch>* some : matches) {
+    for (const SubmapMatch& match : *some) result.push_back(match.judgement);
+    result.emplace_back();  // where the next ones begin
+  }
+  return result;
+}
+
 }  // namespace
 
 std::vector<const SubmapAnswer*> LaserMerger::answers_between(const LaserTeam& x, const LaserTeam& z) const {
@@ -114,8 +123,9 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
   const auto between_maps = [&](std::size_t a, std::size_t b) { return contains(x.maps, a) != contains(x.maps, b); };
   const std::vector<std::size_t> both = united(x.maps, z.maps);
   std::set<Hash> asked;
+  SearchExtent extent = SearchExtent::quick;
   for (int mendings = 0;; ++mendings) {
-    ConstraintSearchResult found = search_.run(both, std::move(matches), between_groups, kMostRounds, false);
+    ConstraintSearchResult found = search_.run(both, std::move(matches), between_groups, kMostRounds, extent);
     hypothesis.matches.clear();
     for (const SubmapMatch& match : found.matches)
       if (between_maps(graph_.map_of(match.from), graph_.map_of(match.to))) hypothesis.matches.push_back(match);
@@ -124,10 +134,18 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
     const bool may_be_bent = hypothesis.matches.size() >= kFewestToMend;
     if (hypothesis.matches.empty() || (found.is_hopeless && !may_be_bent)) return;
     hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
+    // Places that do not match may be bent; where walls contradict as well, nothing comes of it.
+    const bool is_refuted = found.is_hopeless && weighed(hypothesis.walls).sum_m < 0.0;
+    if (found.is_hopeless && !is_refuted) {
+      extent = SearchExtent::thorough;
+      matches = std::move(found.matches);
+      --mendings;
+      continue;
+    }
     hypothesis.prior_log_odds = priors_.log_odds(hypothesis.solved, x.maps, z.maps);
     hypothesis.log_odds =
         std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
-    if (hypothesis.log_odds == kSurestLogOdds || !may_be_bent || mendings == kMostMendings) return;
+    if (is_refuted || hypothesis.log_odds == kSurestLogOdds || !may_be_bent || mendings == kMostMendings) return;
     const std::vector<SubmapMatch> mending = matches_at_ghosts(both, hypothesis.solved, between_maps, asked);
     if (mending.empty()) return;
     matches = std::move(found.matches);
@@ -140,8 +158,20 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   const std::size_t answers = answers_between(x, z).size() + 1;  // 0: never evaluated
   if (evaluation.answers == answers) return evaluation;
   const Evaluation before = std::move(evaluation);
-  evaluation = {answers, seeds(x, z), 0.0, false, 0.0};
-  for (MergeHypothesis& hypothesis : evaluation.hypotheses) grow(hypothesis, x, z);
+  evaluation = {answers, refused_.size(), seeds(x, z), 0.0, false, 0.0};
+  for (MergeHypothesis& hypothesis : evaluation.hypotheses) {
+    hypothesis.grown_from = judgements_of({&x.matches, &z.matches, &hypothesis.matches});
+    const auto as_before =
+        std::find_if(before.hypotheses.begin(), before.hypotheses.end(),
+                     [&](const MergeHypothesis& other) { return other.grown_from == hypothesis.grown_from; });
+    if (before.refused != refused_.size() || as_before == before.hypotheses.end()) {
+      grow(hypothesis, x, z);
+      continue;
+    }
+    const Proposer proposer = hypothesis.proposer;
+    hypothesis = *as_before;
+    hypothesis.proposer = proposer;
+  }
   for (MergeHypothesis& hypothesis : grid_hypotheses(x, z)) evaluation.hypotheses.push_back(std::move(hypothesis));
   std::stable_sort(evaluation.hypotheses.begin(), evaluation.hypotheses.end(),
                    [](const MergeHypothesis& l, const MergeHypothesis& r) { return l.log_odds > r.log_odds; });

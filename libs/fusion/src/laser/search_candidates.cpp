@@ -12,6 +12,11 @@ namespace {
 constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
 constexpr double kFarthestReach_m = 50.0;
 constexpr double kWindowSigmas = 3.0;
+constexpr double kUnexpectedSigmas = 6.0;           // what the graph may be wrong by, where it misses a loop
+constexpr double kLittleKnown_m = 2.0;              // standard deviation from which it may miss one
+constexpr std::size_t kAlike = 2, kAlikeTried = 8;  // that a place chooses, from so many that look most like it
+constexpr std::size_t kMostAlike = 200;             // questions
+constexpr double kLargestWindow_m = 12.0;
 constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 
 // Of motions of a frame, as motions of a place of the team's frame that moves along with it.
@@ -151,6 +156,71 @@ std::vector<SubmapQuestion> SearchCandidates::questions(double widest_m) {
     result.push_back({solved_.submaps[pair.first], solved_.submaps[pair.second], window});
   }
   return result;
+}
+
+// The middles of their walls on each other, with the heading that the graph expects.
+matching::WideWindow SearchCandidates::window_on_each_other(std::size_t place, std::size_t of, double yaw_rad) const {
+  const auto middle_in_submap = [&](std::size_t k) {
+    const Pose2& pose = solved_.team_from_submap[k];
+    return between(pose, Pose2{middles_[k].x(), middles_[k].y(), pose.phi});
+  };
+  const double phi = between(solved_.team_from_submap[place], solved_.team_from_submap[of]).phi;
+  const Pose2 middle = middle_in_submap(place), other = middle_in_submap(of);
+  const Pose2 turned_other = compose(Pose2{0.0, 0.0, phi}, other);
+  matching::WideWindow window;
+  window.a_from_b = {middle.x - turned_other.x, middle.y - turned_other.y, phi};
+  const auto radius_m = [&](std::size_t k) {
+    const std::size_t s = solved_.submaps[k];
+    return static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]);
+  };
+  window.radius_m = std::min(kLargestWindow_m, std::max(4.0, 0.7 * (radius_m(place) + radius_m(of))));
+  window.yaw_rad = yaw_rad;
+  return window;
+}
+
+std::vector<SubmapQuestion> SearchCandidates::alike() {
+  std::map<std::pair<std::size_t, std::size_t>, std::pair<double, double>> chosen;  // unlikeness, yaw
+  for (std::size_t place = 0; place < middles_.size(); ++place) {
+    std::vector<std::pair<double, std::size_t>> ranked;
+    for (std::size_t of = 0; of < middles_.size(); ++of) {
+      const std::size_t i = solved_.submaps[std::min(place, of)], j = solved_.submaps[std::max(place, of)];
+      if (i != j && in_scope_(i, j) && !graph_.is_constrained(i, j)) ranked.emplace_back(unlikeness(i, j), of);
+    }
+    const auto some = static_cast<std::ptrdiff_t>(std::min(kAlikeTried, ranked.size()));
+    std::partial_sort(ranked.begin(), ranked.begin() + some, ranked.end());
+    std::size_t count = 0;
+    for (auto entry = ranked.begin(); entry != ranked.begin() + some && count < kAlike; ++entry) {
+      const auto [lower, upper] = std::minmax(place, entry->second);
+      const Eigen::Matrix3d apart_by =
+          covariance_.between(static_cast<std::uint32_t>(lower), static_cast<std::uint32_t>(upper));
+      const Pose2& there = solved_.team_from_submap[upper];
+      const double sigma_m = std::max(position_sigma(at_place(apart_by, there, middles_[lower])),
+                                      position_sigma(at_place(apart_by, there, middles_[upper])));
+      const double farthest_m = reach_m(solved_.submaps[lower], solved_.submaps[upper]) + kUnexpectedSigmas * sigma_m;
+      if (sigma_m < kLittleKnown_m || (middles_[lower] - middles_[upper]).norm() > farthest_m) continue;
+      ++count;
+      chosen[{lower, upper}] = {entry->first, std::min(M_PI, 0.04 + kUnexpectedSigmas * std::sqrt(apart_by(2, 2)))};
+    }
+  }
+  std::vector<std::pair<double, SubmapQuestion>> ranked;
+  for (const auto& [pair, how] : chosen)
+    ranked.push_back({how.first,
+                      {solved_.submaps[pair.first], solved_.submaps[pair.second],
+                       window_on_each_other(pair.first, pair.second, how.second), Thoroughness::part}});
+  std::stable_sort(ranked.begin(), ranked.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
+  std::vector<SubmapQuestion> result;
+  for (std::size_t k = 0; k < std::min(kMostAlike, ranked.size()); ++k) result.push_back(ranked[k].second);
+  return result;
+}
+
+bool SearchCandidates::may_be(const SubmapMatch& match) {
+  const std::size_t from = solved_.place_of(match.from), to = solved_.place_of(match.to);
+  const Pose2 error =
+      between(match.from_from_to, between(solved_.team_from_submap[from], solved_.team_from_submap[to]));
+  const Eigen::Matrix3d covariance = match.information.inverse() + covariance_.between(static_cast<std::uint32_t>(from),
+                                                                                       static_cast<std::uint32_t>(to));
+  const Eigen::Vector3d e(error.x, error.y, error.phi);
+  return e.dot(covariance.ldlt().solve(e)) < kUnexpectedSigmas * kUnexpectedSigmas;
 }
 
 }  // namespace mapweave::fusion

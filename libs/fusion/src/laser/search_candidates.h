@@ -36,6 +36,11 @@ class SearchCandidates {
   std::vector<SubmapQuestion> narrow() { return questions(0.0); }
   // In wide windows, where they are known to this and no better than to kSure_m.
   std::vector<SubmapQuestion> wide(double widest_m) { return questions(widest_m); }
+  // Of each place those that look most like it, however far away the graph has them, if it may be so wrong: around
+  // where their walls lie on each other, the most alike first.
+  std::vector<SubmapQuestion> alike();
+  // Whether a match may be right, though the graph expected something else.
+  bool may_be(const SubmapMatch& match);
 
  private:
   // Another place, as one place sees it.
@@ -50,6 +55,7 @@ class SearchCandidates {
   std::vector<SubmapQuestion> questions(double widest_m);
   std::vector<std::vector<Near>> all_near(double widest_m);
   std::optional<Near> near(std::size_t place, std::size_t of, double widest_m);
+  matching::WideWindow window_on_each_other(std::size_t place, std::size_t of, double yaw_rad) const;
   double reach_m(std::size_t i, std::size_t j) const;
   double unlikeness(std::size_t i, std::size_t j) const;
   bool is_examined(std::size_t place, std::size_t of) const;
