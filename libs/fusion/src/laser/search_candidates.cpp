@@ -12,10 +12,10 @@ namespace {
 constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
 constexpr double kFarthestReach_m = 50.0;
 constexpr double kWindowSigmas = 3.0;
-constexpr double kUnexpectedSigmas = 6.0;           // what the graph may be wrong by, where it misses a loop
-constexpr double kLittleKnown_m = 2.0;              // standard deviation from which it may miss one
-constexpr std::size_t kAlike = 2, kAlikeTried = 8;  // that a place chooses, from so many that look most like it
-constexpr std::size_t kMostAlike = 200;             // questions
+constexpr double kUnexpectedSigmas = 12.0;  // what the graph may be wrong by, where it misses a loop: 7 were seen
+constexpr double kLittleKnown_m = 2.0;      // standard deviation from which it may miss one
+constexpr std::size_t kAlike = 4, kAlikeTried = 16;  // that a place chooses, from so many that look most like it
+constexpr std::size_t kMostAlike = 600;              // questions
 constexpr double kLargestWindow_m = 12.0;
 constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 
