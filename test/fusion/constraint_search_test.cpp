@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <laser/constraint_search.h>
+#include <laser/laser_team.h>
 #include <support/simulated_maps.h>
 
 #include <algorithm>
@@ -85,6 +86,19 @@ TEST(ConstraintSearch, of_a_team_finds_what_little_two_maps_share_where_one_ends
     EXPECT_LT(std::hypot(apart.x, apart.y), 0.05) << gap;
     EXPECT_LT(std::abs(apart.phi), 0.01) << gap;
   }
+}
+
+// Two hypotheses that rest on one ambiguous judgement are rivals, not the same.
+TEST(MergeHypothesis, is_known_by_where_its_matches_have_it) {
+  SubmapMatch match;
+  match.judgement = Hasher().add("ambiguous").finish();
+  SubmapMatch rival = match;
+  rival.from_from_to.x = 5.0;
+  const std::vector<SubmapMatch> none, one{match}, other{rival}, both{match, rival};
+  EXPECT_EQ(hash_of({&none, &one}), hash_of({&none, &one}));
+  EXPECT_NE(hash_of({&none, &one}), hash_of({&none, &other}));
+  EXPECT_NE(hash_of({&none, &one}), hash_of({&one, &none}));
+  EXPECT_NE(hash_of({&none, &one}), hash_of({&none, &both}));
 }
 
 TEST(ConstraintSearch, finds_where_places_look_alike_though_the_graph_has_them_too_far_apart) {

@@ -53,8 +53,10 @@ struct MergeHypothesis {
   double prior_log_odds = 0.0;          // of these, what priors add
   bool is_of_grids = false;             // two map_server grids, aligned as a whole
   Proposer proposer = Proposer::prior;  // the last one whose matches it began with
-  std::vector<Hash> grown_from;         // judgements of all matches it began with, of each group and between them
+  Hash grown_from;                      // hash_of() all matches it began with: of each group, and between them
 };
+// Of sets of matches: their judgements, and where each has it, since a judgement may leave a choice.
+Hash hash_of(std::initializer_list<const std::vector<SubmapMatch>*> matches);
 
 struct LaserTeam {
   std::vector<std::size_t> maps;     // numbers, rising

@@ -24,16 +24,19 @@ constexpr std::size_t kFewestToMend = 3;     // matches
 constexpr double kAsGoodAFit = 0.9;          // of the best one's wall on wall: less is what another place has by chance
 constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior
 
-std::vector<Hash> judgements_of(std::initializer_list<const std::vector<SubmapMatch>*> matches) {
-  std::vector<Hash> result;
-  for (const std::vector<SubmapMatch>* some : matches) {
-    for (const SubmapMatch& match : *some) result.push_back(match.judgement);
-    result.emplace_back();  // where the next ones begin
-  }
-  return result;
-}
-
 }  // namespace
+
+Hash hash_of(std::initializer_list<const std::vector<SubmapMatch>*> matches) {
+  Hasher hasher;
+  for (const std::vector<SubmapMatch>* some : matches) {
+    hasher.add(static_cast<std::int64_t>(some->size()));
+    for (const SubmapMatch& match : *some) {
+      const Pose2& pose = match.from_from_to;
+      hasher.add(match.judgement).add(pose.x).add(pose.y).add(pose.phi);
+    }
+  }
+  return hasher.finish();
+}
 
 std::vector<const SubmapAnswer*> LaserMerger::answers_between(const LaserTeam& x, const LaserTeam& z) const {
   std::vector<MapPair> pairs;
@@ -160,7 +163,7 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   const Evaluation before = std::move(evaluation);
   evaluation = {answers, refused_.size(), seeds(x, z), 0.0, false, 0.0};
   for (MergeHypothesis& hypothesis : evaluation.hypotheses) {
-    hypothesis.grown_from = judgements_of({&x.matches, &z.matches, &hypothesis.matches});
+    hypothesis.grown_from = hash_of({&x.matches, &z.matches, &hypothesis.matches});
     const auto as_before =
         std::find_if(before.hypotheses.begin(), before.hypotheses.end(),
                      [&](const MergeHypothesis& other) { return other.grown_from == hypothesis.grown_from; });

@@ -12,8 +12,9 @@ constexpr int kMostRounds = 12;
 
 }  // namespace
 
-// How well the walls of all pairs of a team's maps lie on each other. A loop of hundreds of metres is bent evenly, so
-// that some of its walls stand double for now: what is contradicted counts once against what speaks for the loop.
+// How well the walls of all pairs of a team's maps lie on each other. The graph bends a loop of hundreds of metres
+// evenly, so that some of its walls stand double although it is right: a metre that is contradicted counts once against
+// it, not kContradictionWeight times.
 LaserMerger::LoopEvidence LaserMerger::loop_evidence(const LaserTeam& team) const {
   LoopEvidence sum;
   for (std::size_t k = 0; k < team.maps.size(); ++k)
