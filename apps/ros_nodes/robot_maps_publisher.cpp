@@ -8,27 +8,35 @@
 #include "transform_sender.h"
 
 #include <mapweave/fusion/growing_grid.h>
+#include <mapweave/rawlog/ros_recorder.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
+#include <algorithm>
+#include <chrono>
 #include <set>
 
 namespace mapweave::ros_nodes {
 namespace {
 
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
 constexpr double kKeptTransforms_s = 600.0;  // as long as the odometry of a topic
+constexpr auto kBetweenLooks = 2s, kPatience = 15s;
 
 // One robot's topics, and how its odometry lies in its map.
 class RobotPublisher {
  public:
   RobotPublisher(ros::NodeHandle node, const std::string& name, PublishedRobot robot,
                  const fusion::ComposeOptions& grid)
-      : name_(name), robot_(std::move(robot)), drawn_(grid), grid_(node, name + "/map"), path_(node, name + "/path") {
-    if (robot_.odometry_frame.empty()) robot_.odometry_frame = name + "/odom";
-    if (robot_.robot_frame.empty()) robot_.robot_frame = name + "/base_link";
-    if (!robot_.odometry_topic.empty())
-      subscriber_ = node.subscribe<nav_msgs::Odometry>(
-          robot_.odometry_topic, 100, [this](const nav_msgs::Odometry::ConstPtr& message) { track_.add(*message); });
+      : node_(node),
+        name_(name),
+        robot_(std::move(robot)),
+        drawn_(grid),
+        grid_(node, name + "/map"),
+        path_(node, name + "/path") {
+    look_for_odometry();
   }
   RobotPublisher(const RobotPublisher&) = delete;
 
@@ -65,9 +73,18 @@ class RobotPublisher {
     });
   }
 
-  std::optional<OdometryCorrection::Result> correction(const tf2_ros::Buffer& transforms) {
+  std::optional<OdometryCorrection::Result> correction(const tf2_ros::Buffer& transforms, Problems& problems) {
+    look_for_odometry();
     if (!map_) return std::nullopt;
-    return correction_.update(map_->trajectory, [&](Stamp stamp) { return odometry_at(stamp, transforms); });
+    auto result = correction_.update(map_->trajectory, [&](Stamp stamp) { return odometry_at(stamp, transforms); });
+    if (result || !missing_since_) missing_since_ = Clock::now();
+    if (!result && Clock::now() - *missing_since_ > kPatience)
+      problems.say("no transform " + frame() + " -> odometry of " + name_,
+                   subscriber_
+                       ? subscriber_.getTopic() + " says nothing of the time of the robot's newest pose"
+                       : "the robot has no topic of nav_msgs/Odometry, and /tf no frame of odometry above " +
+                             (robot_.robot_frame.empty() ? robot_.frame_prefix + "base_link" : robot_.robot_frame));
+    return result;
   }
 
  private:
@@ -78,14 +95,39 @@ class RobotPublisher {
     path_.forget();
   }
 
+  void look_for_odometry() {
+    if (subscriber_ || !robot_.odometry_topic || Clock::now() < next_look_) return;
+    next_look_ = Clock::now() + kBetweenLooks;
+    if (const auto topic = robot_.odometry_topic())
+      subscriber_ = node_.subscribe<nav_msgs::Odometry>(
+          *topic, 100, [this](const nav_msgs::Odometry::ConstPtr& message) { track_.add(*message); });
+  }
+
+  // The names of its frames in tf.
+  std::optional<OdometryPose> frames_in(const tf2_ros::Buffer& transforms) const {
+    std::vector<std::string> frames;
+    transforms._getFrameStrings(frames);
+    std::sort(frames.begin(), frames.end());
+    const std::string& prefix = robot_.frame_prefix;
+    for (const std::string& frame : frames) {
+      std::string parent;
+      if (!transforms._getParent(frame, ros::Time(0), parent) || !rawlog::is_odometry_frame(parent)) continue;
+      if (frame.compare(0, prefix.size(), prefix) != 0 && parent.compare(0, prefix.size(), prefix) != 0) continue;
+      return OdometryPose{parent, robot_.robot_frame.empty() ? frame : without_slash(robot_.robot_frame), {}};
+    }
+    return std::nullopt;
+  }
+
   std::optional<OdometryPose> odometry_at(Stamp stamp, const tf2_ros::Buffer& transforms) const {
     if (auto pose = track_.at(stamp)) return pose;
-    OdometryPose asked{without_slash(robot_.odometry_frame), without_slash(robot_.robot_frame), {}};
-    if (const auto known = track_.frames(); known && !known->robot_frame.empty()) asked = *known;
+    auto asked = track_.frames();
+    if (!asked || asked->robot_frame.empty()) asked = frames_in(transforms);
+    if (!asked) return std::nullopt;
     try {
-      const auto found = pose_of(transforms.lookupTransform(asked.frame, asked.robot_frame, ros_time(stamp)).transform);
+      const auto found =
+          pose_of(transforms.lookupTransform(asked->frame, asked->robot_frame, ros_time(stamp)).transform);
       if (!found) return std::nullopt;
-      asked.odometry_from_robot = *found;
+      asked->odometry_from_robot = *found;
       return asked;
     } catch (const tf2::TransformException&) {  // not known, or not for that time
       return std::nullopt;
@@ -94,13 +136,16 @@ class RobotPublisher {
     }
   }
 
+  ros::NodeHandle node_;
   const std::string name_;
-  PublishedRobot robot_;
+  const PublishedRobot robot_;
   std::shared_ptr<const Map> taken_;
   std::optional<RobotMap> map_;
   std::uint64_t version_ = 0;  // of what map_ looks like
   OdometryCorrection correction_;
   OdometryTrack track_;
+  Clock::time_point next_look_{};
+  std::optional<Clock::time_point> missing_since_;  // its odometry, while it has a map
   fusion::GrowingGrid drawn_;
   GridTopic grid_;
   OnDemandTopic<nav_msgs::Path> path_;
@@ -132,7 +177,7 @@ class RobotMapsPublisher::State {
     std::vector<geometry_msgs::TransformStamped> transforms;
     std::set<std::string> odometry_frames;
     for (const auto& robot : robots_) {
-      const auto correction = robot->correction(transforms_);
+      const auto correction = robot->correction(transforms_, problems_);
       if (!correction) continue;
       if (odometry_frames.insert(correction->odometry_frame).second)
         transforms.push_back(

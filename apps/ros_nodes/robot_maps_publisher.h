@@ -10,6 +10,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,9 +18,11 @@ namespace mapweave::ros_nodes {
 
 struct PublishedRobot {
   RobotId robot;
-  std::string odometry_topic;  // nav_msgs/Odometry; empty: its odometry is looked up in tf alone
-  // What tf is asked where that topic does not come, or not for that time. Empty: ROBOT/odom and ROBOT/base_link.
-  std::string odometry_frame, robot_frame;
+  // The name of its nav_msgs/Odometry, asked for until there is one. Where none comes, or not for a time, tf is asked.
+  std::function<std::optional<std::string>()> odometry_topic;
+  // In tf its odometry is the frame called odom, or odom with more behind it, above a frame of the robot: the names of
+  // either begin with frame_prefix ("tb0/"; empty: it is the only robot). robot_frame: empty: the one below odometry.
+  std::string frame_prefix, robot_frame;
 };
 
 struct RobotMapsOptions {
@@ -34,8 +37,8 @@ struct RobotMapsOptions {
 //   ROBOT/path         nav_msgs/Path                 its nodes by stamp, in frame ROBOT/map
 // All behave as latched, are made only while somebody subscribes, and are sent only where they changed. Walls that
 // moved by less than half a cell may stay as they were drawn.
-// Transforms (/tf): ROBOT/map -> the robot's odometry frame, as far as it is known. The odometry frames of two robots
-// must have different names; the second robot of one name gets no transform, and the log says so.
+// Transforms (/tf): ROBOT/map -> the robot's odometry frame, as far as it is known; the log says where it is not. The
+// odometry frames of two robots must have different names; the second robot of one name gets no transform.
 // Needs the node's callback queue to be served by other threads than the one that publishes.
 class RobotMapsPublisher {
  public:

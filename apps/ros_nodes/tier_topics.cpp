@@ -2,6 +2,7 @@
 
 #include "map_publisher.h"
 #include "paced_thread.h"
+#include "robot_topics.h"
 #include "ros_messages.h"
 
 #include <map_msgs/SaveMap.h>
@@ -30,17 +31,14 @@ std::vector<std::string> names_in(const runtime::RunPlan& plan) {
   return names;
 }
 
-// Where odometry and base are, where nobody says otherwise.
-PublishedRobot published(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot,
-                         const RosNames& names) {
+PublishedRobot published(const runtime::RunConfiguration& all, const runtime::PlannedRobot& robot) {
   const rawlog::ReadOptions& reading = configuration_of(all, robot).reading;
-  const std::string prefix =
-      (reading.robot_namespace.empty() ? names.of(robot.id.str()) : reading.robot_namespace) + "/";
   PublishedRobot one;
   one.robot = robot.id;
-  one.odometry_topic = prefix + "odom";
-  one.odometry_frame = prefix + "odom";
-  one.robot_frame = reading.robot_frame.empty() ? prefix + "base_link" : reading.robot_frame;
+  one.odometry_topic = [topics = RobotTopics(robot, all)] { return topics.odometry(); };
+  if (all.robots.size() > 1)
+    one.frame_prefix = (reading.robot_namespace.empty() ? robot.id.str() : reading.robot_namespace) + "/";
+  one.robot_frame = reading.robot_frame;
   return one;
 }
 
@@ -59,12 +57,12 @@ MapPublisherOptions publisher_options(const runtime::RunConfiguration& configura
 }
 
 RobotMapsOptions robot_options(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan,
-                               const TierOfTeam& tier, const RosNames& names) {
+                               const TierOfTeam& tier) {
   RobotMapsOptions options;
   options.grid = configuration.compose;
   for (const runtime::PlannedRobot& robot : plan.robots)
     if (std::find(tier.robots.begin(), tier.robots.end(), robot.id) != tier.robots.end())
-      options.robots.push_back(published(configuration, robot, names));
+      options.robots.push_back(published(configuration, robot));
   return options;
 }
 
@@ -87,7 +85,7 @@ class TierTopics::State {
     node.serve(prefix + "static_map", &State::static_map, this);
     drawer_.emplace([this] { publisher_.publish(preview_()); }, kBetweenLooks);
     if (!maps.of_robot) return;
-    robots_publisher_.emplace(node.handle(), names_, robot_options(configuration, plan, tier_, names_),
+    robots_publisher_.emplace(node.handle(), names_, robot_options(configuration, plan, tier_),
                               std::move(maps.of_robot), pool_of_robots_);
     robots_drawer_.emplace([this] { robots_publisher_->publish(); }, kBetweenLooks);
   }

@@ -5,19 +5,9 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
-#include <nav_msgs/Odometry.h>
 #include <ros/serialization.h>
-#include <sensor_msgs/CameraInfo.h>
-#include <sensor_msgs/CompressedImage.h>
-#include <sensor_msgs/Image.h>
-#include <sensor_msgs/Imu.h>
-#include <sensor_msgs/LaserScan.h>
-#include <sensor_msgs/MultiEchoLaserScan.h>
-#include <sensor_msgs/PointCloud2.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 namespace mapweave::ros_nodes {
@@ -31,69 +21,6 @@ constexpr auto kPatience = 15s;
 constexpr auto kLongestLate = 30s;        // all messages of a topic: then something is wrong with its stamps
 constexpr std::uint32_t kQueue = 10'000;  // messages of a topic, while the disk is slow
 
-// Known by their definitions, which other programs need to read the recording.
-const std::map<std::string, std::string>& definitions() {
-  static const auto entry = [](auto message) {
-    using Type = decltype(message);
-    return std::pair<std::string, std::string>(ros::message_traits::DataType<Type>::value(),
-                                               ros::message_traits::Definition<Type>::value());
-  };
-  static const std::map<std::string, std::string> all = {
-      entry(sensor_msgs::LaserScan()),
-      entry(sensor_msgs::MultiEchoLaserScan()),
-      entry(sensor_msgs::PointCloud2()),
-      entry(sensor_msgs::Imu()),
-      entry(sensor_msgs::Image()),
-      entry(sensor_msgs::CompressedImage()),
-      entry(sensor_msgs::CameraInfo()),
-      entry(nav_msgs::Odometry()),
-      entry(tf2_msgs::TFMessage()),
-      {"tf/tfMessage", ros::message_traits::Definition<tf2_msgs::TFMessage>::value()}};
-  return all;
-}
-
-bool is_of_transforms(const std::string& type) { return type == "tf2_msgs/TFMessage" || type == "tf/tfMessage"; }
-bool is_of_range(const std::string& type) {
-  return type == "sensor_msgs/LaserScan" || type == "sensor_msgs/MultiEchoLaserScan" ||
-         type == "sensor_msgs/PointCloud2";
-}
-
-bool has_prefix(const std::string& text, const std::string& prefix) {
-  return text.compare(0, prefix.size(), prefix) == 0;
-}
-
-// The topics that are there, by the names that this node has for them: remapped ones by the names that they stand for.
-std::vector<rawlog::RecordedTopic> topics_seen(const ros::master::V_TopicInfo& published) {
-  std::map<std::string, std::string> name_of;
-  for (const auto& [from, to] : ros::names::getRemappings()) name_of[to] = from;
-  std::vector<rawlog::RecordedTopic> there;
-  for (const ros::master::TopicInfo& topic : published) {
-    const auto definition = definitions().find(topic.datatype);
-    if (definition == definitions().end() || ros::names::getRemappings().count(topic.name) != 0) continue;
-    const auto name = name_of.find(topic.name);
-    there.push_back({name != name_of.end() ? name->second : topic.name, topic.datatype, definition->second});
-  }
-  std::sort(there.begin(), there.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-  return there;
-}
-
-// A robot's topic that was remapped is the one of its type.
-void drop_others(std::vector<rawlog::RecordedTopic>& there, const std::string& prefix) {
-  std::set<std::string> named, types;
-  for (const rawlog::RecordedTopic& topic : there)
-    if (has_prefix(topic.name, prefix) && !is_of_transforms(topic.type) &&
-        ros::names::getRemappings().count(topic.name) != 0) {
-      named.insert(topic.name);
-      types.insert(topic.type);
-    }
-  there.erase(std::remove_if(there.begin(), there.end(),
-                             [&](const rawlog::RecordedTopic& topic) {
-                               return has_prefix(topic.name, prefix) && types.count(topic.type) != 0 &&
-                                      named.count(topic.name) == 0;
-                             }),
-              there.end());
-}
-
 }  // namespace
 
 TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& robot,
@@ -102,10 +29,8 @@ TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& 
       robot_(robot.id),
       log_(robot.log),
       unsent_(std::filesystem::path(robot.log) += ".unsent"),
-      reading_(configuration_of(configuration, robot).reading),
-      sensor_(configuration_of(configuration, robot).sensor),
-      window_ns_(static_cast<std::int64_t>(reading_.reorder_window_s * 1e9)),
-      is_alone_(configuration.robots.size() == 1) {
+      window_ns_(static_cast<std::int64_t>(configuration_of(configuration, robot).reading.reorder_window_s * 1e9)),
+      robot_topics_(robot, configuration) {
   std::error_code ignored;
   if (!std::filesystem::exists(log_, ignored)) return;
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_);
@@ -138,41 +63,22 @@ void TopicRecorder::look() {
 
 // Those to be recorded, once something that maps is there and nothing new has come for a while.
 std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() {
-  ros::master::V_TopicInfo published;
-  if (!ros::master::getTopics(published)) return std::nullopt;
-  std::vector<rawlog::RecordedTopic> there = topics_seen(published);
+  const auto seen = robot_topics_.look();
+  if (!seen) return std::nullopt;
   std::vector<std::string> names;
-  bool has_own = false;
-  for (const rawlog::RecordedTopic& topic : there) {
-    names.push_back(topic.name);
-    has_own = has_own || has_prefix(topic.name, "/" + robot_.str() + "/");
-  }
+  for (const rawlog::RecordedTopic& topic : seen->topics) names.push_back(topic.name);
   const auto now = Clock::now();
   if (names != last_seen_) seen_since_ = now;
   last_seen_ = std::move(names);
-  rawlog::ReadOptions reading = reading_;
-  if (reading.robot_namespace.empty() && (has_own || !is_alone_)) reading.robot_namespace = robot_.str();
-  const std::string prefix = reading.robot_namespace.empty() ? "/" : "/" + reading.robot_namespace + "/";
-  if (reading.topics.empty()) drop_others(there, prefix);
-  const bool has_range = std::any_of(there.begin(), there.end(), [&](const rawlog::RecordedTopic& topic) {
-    return is_of_range(topic.type) && has_prefix(topic.name, prefix);
-  });
-  const bool with_cameras = sensor_ != "laser" && (sensor_ != "auto" || !has_range);
-  const bool can_map = std::any_of(there.begin(), there.end(), [&](const rawlog::RecordedTopic& topic) {
-    return has_prefix(topic.name, prefix) && !is_of_transforms(topic.type) && topic.type != "nav_msgs/Odometry" &&
-           topic.type != "sensor_msgs/Imu";
-  });
-  if (!can_map || now - seen_since_ < kSettled) {
-    if (!can_map && now - warned_ > kPatience) {
-      if (warned_ != Clock::time_point())
-        log(LogLevel::warning, "robot " + robot_.str() + " waits for a laser, a lidar or a camera below " + prefix +
-                                   "; the ROS master knows " + std::to_string(there.size()) +
-                                   " topics of sensors and transforms");
-      warned_ = now;
-    }
-    return std::nullopt;
+  if (!seen->can_map && now - warned_ > kPatience) {
+    if (warned_ != Clock::time_point())
+      log(LogLevel::warning, "robot " + robot_.str() + " waits for a laser, a lidar or a camera below " + seen->prefix +
+                                 "; the ROS master knows " + std::to_string(seen->topics.size()) +
+                                 " topics of sensors and transforms");
+    warned_ = now;
   }
-  return topics_to_record(there, reading, with_cameras, "robot " + robot_.str());
+  if (!seen->can_map || now - seen_since_ < kSettled) return std::nullopt;
+  return robot_topics_.chosen(*seen);
 }
 
 void TopicRecorder::begin(std::vector<rawlog::RecordedTopic> topics) {

@@ -1,8 +1,8 @@
 #pragma once
 // Records a robot's sensor topics while they come, for a robot of a deployment that reads the recording as it grows.
 
-#include <mapweave/rawlog/ros_recorder.h>
-#include <mapweave/runtime/run_configuration.h>
+#include "robot_topics.h"
+
 #include <ros/ros.h>
 #include <topic_tools/shape_shifter.h>
 
@@ -48,10 +48,8 @@ class TopicRecorder {
   ros::NodeHandle node_;
   const RobotId robot_;
   const std::filesystem::path log_, unsent_;  // the recording; a file beside it until all of it was sent
-  const rawlog::ReadOptions reading_;
-  const std::string sensor_;
   const std::int64_t window_ns_;
-  const bool is_alone_;  // its topics may be in no namespace
+  const RobotTopics robot_topics_;
 
   mutable std::mutex mutex_;
   std::unique_ptr<rawlog::RosRecorder> recorder_;  // null: it waits for topics

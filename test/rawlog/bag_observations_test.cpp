@@ -7,6 +7,7 @@
 #include <mapweave/rawlog/convert.h>
 #include <mapweave/rawlog/scan_sweep.h>
 #include <mapweave/rawlog/split.h>
+#include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationIMU.h>
 #include <support/pose_matchers.h>
 
@@ -329,6 +330,33 @@ TEST_F(BagObservations, an_inertial_unit_says_what_it_measures) {
   EXPECT_DOUBLE_EQ(imu.get(mrpt::obs::IMU_WZ), 0.3);
   EXPECT_DOUBLE_EQ(imu.get(mrpt::obs::IMU_Z_ACC), 9.8);
   EXPECT_FALSE(imu.has(mrpt::obs::IMU_YAW));
+}
+
+TEST_F(BagObservations, positions_by_satellites_are_kept) {
+  const auto fix = [](double at, std::int8_t status, double latitude) {
+    MessageBytes bytes;
+    bytes.header(at, "gps").number(status).number(std::uint16_t{1}).doubles({latitude, 11.5, 520.25});
+    bytes.doubles(std::vector<double>(9, 0.0)).number(std::uint8_t{0});
+    return BagEntry{"/fix", "sensor_msgs/NavSatFix", at, bytes.bytes()};
+  };
+  auto entries = small_drive();
+  entries.push_back(fix(101.0, 2, 48.25));
+  entries.push_back(fix(101.1, -1, std::nan("")));
+  const auto reading = read(entries);
+  ASSERT_FALSE(reading.error) << reading.error->what();
+  std::vector<mrpt::obs::gnss::Message_NMEA_GGA::content_t> found;
+  for (const Record& record : reading.records)
+    if (const auto gps = std::dynamic_pointer_cast<mrpt::obs::CObservationGPS>(record.observation)) {
+      EXPECT_EQ(gps->sensorLabel, "fix");
+      found.push_back(gps->getMsgByClass<mrpt::obs::gnss::Message_NMEA_GGA>().fields);
+    }
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].fix_quality, 2);
+  EXPECT_DOUBLE_EQ(found[0].latitude_degrees, 48.25);
+  EXPECT_DOUBLE_EQ(found[0].altitude_meters, 520.25);
+  EXPECT_EQ(found[1].fix_quality, 0);
+  const auto alone = read({fix(2.0, 0, 48.25)});
+  EXPECT_TRUE(alone.error) << "nothing can be mapped";
 }
 
 TEST_F(BagObservations, contents_name_topics_and_frames) {

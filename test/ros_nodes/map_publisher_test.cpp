@@ -7,12 +7,14 @@
 #include <map_publisher.h>
 #include <robot_map.h>
 #include <robot_maps_publisher.h>
+#include <robot_topics.h>
 #include <ros_messages.h>
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <nav_msgs/Odometry.h>
 #include <rosgraph_msgs/Clock.h>
+#include <sensor_msgs/LaserScan.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
@@ -32,6 +34,10 @@ using test::node_id;
 using ::testing::HasSubstr;
 
 Pose3 pose(double x, double y, double phi = 0.0) { return spatial(Pose2(x, y, phi)); }
+
+std::function<std::optional<std::string>()> named(const std::string& topic) {
+  return [topic] { return topic; };
+}
 
 // The messages of a topic.
 template <class Message>
@@ -96,7 +102,7 @@ class MapPublisherTest : public testing::Test {
     options.team_transforms = team;
     options.robots = {RobotId("alpha"), RobotId("beta")};
     RobotMapsOptions robots;
-    robots.robots = {{RobotId("alpha"), "alpha/odometry", "", ""}, {RobotId("beta"), "", "", ""}};
+    robots.robots = {{RobotId("alpha"), named("alpha/odometry"), "alpha/", ""}, {RobotId("beta"), {}, "beta/", ""}};
     return std::make_unique<Publishers>(*node_, options, robots, pool_);
   }
   // Publishes until something holds.
@@ -308,6 +314,55 @@ TEST_F(MapPublisherTest, transforms_lead_from_the_team_to_where_each_robot_is) {
   EXPECT_GE(buffer.lookupTransform("team", "beta/map", ros::Time(0)).header.stamp, ros_time(now));
 }
 
+TEST_F(MapPublisherTest, the_frames_of_odometry_are_found_in_tf_whatever_their_names) {
+  begin();
+  const auto preview = preview_at(stamp_of(ros::Time::now()));
+  const auto alone = std::make_shared<const Map>(preview->parts[0].map);
+  RobotMapsOptions robots;
+  robots.robots = {{RobotId("alpha"), [] { return std::optional<std::string>(); }, "", ""}};
+  RobotMapsPublisher maps(
+      *node_, RosNames({"alpha"}), robots, [&](const RobotId&) { return alone; }, pool_);
+  tf2_ros::Buffer buffer;
+  const tf2_ros::TransformListener listener(buffer, *node_);
+  tf2_ros::TransformBroadcaster broadcaster;
+  EXPECT_TRUE(eventually([&] {
+    std::vector<geometry_msgs::TransformStamped> transforms;
+    for (const double ago_s : {3.0, 0.0})
+      for (const auto& [parent, child] : {std::pair("odom_combined", "base_footprint"), {"base_footprint", "laser"}}) {
+        geometry_msgs::TransformStamped& one = transforms.emplace_back();
+        one.header.frame_id = parent;
+        one.child_frame_id = child;
+        one.header.stamp = ros::Time::now() - ros::Duration(ago_s);
+        one.transform = transform_message(pose(1, 2, 0.5));
+      }
+    broadcaster.sendTransform(transforms);
+    maps.publish();
+    return buffer.canTransform("alpha/map", "odom_combined", ros::Time(0));
+  }));
+}
+
+TEST_F(MapPublisherTest, a_robot_s_odometry_is_the_topic_that_would_be_recorded) {
+  begin();
+  const auto scan = node_->advertise<sensor_msgs::LaserScan>("/scan", 1);
+  const auto odometry = node_->advertise<nav_msgs::Odometry>("/odom", 1);
+  runtime::RunConfiguration team;
+  team.robots.resize(1);
+  const runtime::PlannedRobot tb0{RobotId("tb0"), {}, {}};
+  runtime::PlannedRobot tb1{RobotId("tb1"), {}, {}};
+  const auto found = [&](const runtime::PlannedRobot& robot) { return RobotTopics(robot, team).odometry(); };
+  EXPECT_TRUE(eventually([&] { return found(tb0) == "/odom"; })) << "a robot without a namespace";
+  const auto other_scan = node_->advertise<sensor_msgs::LaserScan>("/tb1/scan", 1);
+  const auto wheels = node_->advertise<nav_msgs::Odometry>("/tb1/wheels", 1);
+  const auto filtered = node_->advertise<nav_msgs::Odometry>("/tb1/filtered", 1);
+  team.robots.resize(2);
+  EXPECT_EQ(found(tb0), std::nullopt) << "of several, each has one";
+  EXPECT_EQ(found(tb1), std::nullopt) << "which of two is not clear";
+  auto own = std::make_shared<runtime::RunConfiguration>(team);
+  own->reading.topics = {"/tb1/scan", "/tb1/filtered"};
+  tb1.configuration = own;
+  EXPECT_EQ(found(tb1), "/tb1/filtered");
+}
+
 TEST_F(MapPublisherTest, a_lower_tier_s_team_frame_hangs_below_a_robot_s_map) {
   begin();
   const auto preview = preview_at({5'000'000'000});
@@ -327,7 +382,7 @@ TEST_F(MapPublisherTest, robots_whose_odometry_frames_have_one_name_do_not_fight
   options.team_transforms = TeamTransforms::none;
   options.robots = {RobotId("alpha"), RobotId("beta")};
   RobotMapsOptions robots;
-  robots.robots = {{RobotId("alpha"), "odometry", "", ""}, {RobotId("beta"), "odometry", "", ""}};
+  robots.robots = {{RobotId("alpha"), named("odometry"), "", ""}, {RobotId("beta"), named("odometry"), "", ""}};
   Publishers maps(*node_, options, robots, pool_);
   const Inbox<tf2_msgs::TFMessage> sent(*node_, "/tf");
   auto topic = node_->advertise<nav_msgs::Odometry>("odometry", 100, true);

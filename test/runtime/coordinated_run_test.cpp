@@ -76,15 +76,18 @@ TEST_F(CoordinatedRun, decides_the_same_with_any_number_of_threads) {
 }
 
 TEST_F(CoordinatedRun, sees_the_maps_of_helpers_as_they_grow) {
-  configuration.laser.engine = laser::Engine::icp;
   configuration.coordinator.method = Coordination::standard;
-  const Report report = run("helped");
-  const auto& decisions = report.coordination->decisions;
-  EXPECT_EQ(decisions.front().unknown.size(), 2u) << "neither a map nor a route yet";
-  EXPECT_TRUE(decisions.back().unknown.empty());
-  EXPECT_FALSE(decisions.back().overlaps.empty());
-  EXPECT_GT(report.coordination->summary_s, 0.0);
-  EXPECT_THAT(in_words(report, "helped"), testing::HasSubstr("blindly"));
+  for (const laser::Engine engine : {laser::Engine::icp, laser::Engine::rbpf}) {
+    configuration.laser.engine = engine;
+    const std::string name = engine == laser::Engine::icp ? "icp" : "rbpf";
+    const Report report = run(name);
+    const auto& decisions = report.coordination->decisions;
+    EXPECT_EQ(decisions.front().unknown.size(), 2u) << name << ": neither a map nor a route yet";
+    EXPECT_TRUE(decisions.back().unknown.empty()) << name;
+    EXPECT_FALSE(decisions.back().overlaps.empty()) << name;
+    EXPECT_GT(report.coordination->summary_s, 0.0) << name;
+    EXPECT_THAT(in_words(report, name), testing::HasSubstr("blindly"));
+  }
 }
 
 TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {

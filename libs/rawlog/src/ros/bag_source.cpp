@@ -159,8 +159,9 @@ class BagSource final : public RecordSource {
       if (front.ready) {
         records.push_back(std::move(*front.ready));
       } else {
-        const bool is_final =
-            ended_ || newest_ns_ - front.message.received_ns > kPatience_ns || waiting_bytes_ > kMostWaiting_bytes;
+        const bool is_final = ended_ || chosen(front).role == TopicRole::position ||
+                              newest_ns_ - front.message.received_ns > kPatience_ns ||
+                              waiting_bytes_ > kMostWaiting_bytes;
         bool is_done = true;
         at_message(front.message, [&] { is_done = convert(front, is_final, records); });
         if (!is_done) return;
@@ -198,10 +199,11 @@ class BagSource final : public RecordSource {
     const std::string frames = mounts_.frames();
     const std::string what = why_not + ", since " + seconds_text(waiting.stamp_ns) + "; there are " +
                              (frames.empty() ? "no transforms" : frames);
-    if (role != TopicRole::imu && role != TopicRole::image && role != TopicRole::depth_image)
+    const bool is_picture = role == TopicRole::image || role == TopicRole::depth_image;
+    if (!is_picture && role != TopicRole::imu && role != TopicRole::position)
       throw Error(ErrorCode::kMissing, what, {}, remedy);
     say_once(path_ + ": " + name_of(waiting.topic) + ": " + why_not + "; it is taken to stand at the robot's origin" +
-             (role == TopicRole::imu ? "" : ", looking ahead"));
+             (is_picture ? ", looking ahead" : ""));
     return mounts_.without_transforms(role);
   }
 
@@ -222,6 +224,9 @@ class BagSource final : public RecordSource {
       }
       case TopicRole::imu:
         return add_observation(to_imu(read_imu(reader), robot_from_sensor), waiting, chosen(waiting).label, records);
+      case TopicRole::position:
+        return add_observation(to_gps(read_position(reader), robot_from_sensor), waiting, chosen(waiting).label,
+                               records);
       default: {
         const PictureOrigin origin{Stamp{waiting.stamp_ns}, waiting.frame, robot_from_sensor, waiting.message.place};
         cameras_[chosen(waiting).camera].add(waiting.topic, reader, chosen(waiting).is_compressed, origin, records);

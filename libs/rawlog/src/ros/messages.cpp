@@ -77,6 +77,16 @@ ImuMessage read_imu(MessageReader& reader) {
   return imu;
 }
 
+PositionMessage read_position(MessageReader& reader) {
+  PositionMessage position;
+  position.header = reader.header();
+  position.status = reader.read<std::int8_t>();
+  reader.read<std::uint16_t>();  // which satellites
+  for (double* field : {&position.latitude_deg, &position.longitude_deg, &position.altitude_m})
+    *field = reader.read<double>();
+  return position;
+}
+
 std::vector<TransformMessage> read_transforms(MessageReader& reader) {
   constexpr std::size_t kLeastBytes = 72;  // a header, a child's name, seven numbers
   std::vector<TransformMessage> transforms(reader.count(kLeastBytes));

@@ -40,6 +40,14 @@ struct ImuMessage {
 };
 ImuMessage read_imu(MessageReader& reader);
 
+// sensor_msgs/NavSatFix, without its covariance.
+struct PositionMessage {
+  MessageHeader header;
+  int status = -1;  // -1: no fix, 0: one, 1: with satellites that augment it, 2: with stations on the ground
+  double latitude_deg = 0.0, longitude_deg = 0.0, altitude_m = 0.0;  // not finite: not known
+};
+PositionMessage read_position(MessageReader& reader);
+
 // tf2_msgs/TFMessage, tf/tfMessage.
 struct TransformMessage {
   MessageHeader header;  // its frame is the parent

@@ -143,6 +143,8 @@ std::optional<std::int64_t> stamp_of_message(const std::string& type, std::strin
   return stamp_ns == 0 ? std::nullopt : std::optional(stamp_ns);
 }
 
+bool is_odometry_frame(const std::string& frame) { return frame.substr(frame.rfind('/') + 1).rfind("odom", 0) == 0; }
+
 std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& there, const ReadOptions& reading,
                                             bool with_cameras, const std::string& where) {
   std::vector<RecordedTopic> offered;

@@ -221,4 +221,18 @@ std::shared_ptr<mrpt::obs::CObservationIMU> to_imu(const ImuMessage& message, co
   return imu;
 }
 
+std::shared_ptr<mrpt::obs::CObservationGPS> to_gps(const PositionMessage& message, const Pose3& robot_from_sensor) {
+  auto gps = std::make_shared<mrpt::obs::CObservationGPS>();
+  gps->sensorPose = to_mrpt_pose(robot_from_sensor);
+  mrpt::obs::gnss::Message_NMEA_GGA position;
+  if (message.status >= 0 && std::isfinite(message.latitude_deg) && std::isfinite(message.longitude_deg)) {
+    position.fields.fix_quality = message.status > 0 ? 2 : 1;
+    position.fields.latitude_degrees = message.latitude_deg;
+    position.fields.longitude_degrees = message.longitude_deg;
+    position.fields.altitude_meters = std::isfinite(message.altitude_m) ? message.altitude_m : 0.0;
+  }
+  gps->setMsg(position);
+  return gps;
+}
+
 }  // namespace mapweave::rawlog::ros

@@ -1,10 +1,12 @@
 #pragma once
-// Laser scans, clouds and inertial measurements of ROS as MRPT's observations. Stamps and labels are set by the caller.
+// Laser scans, clouds, inertial measurements and positions by satellites of ROS as MRPT's observations. Stamps and
+// labels are set by the caller.
 
 #include "messages.h"
 
 #include <mapweave/rawlog/observation_stream.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
+#include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/poses/CPose3D.h>
 
@@ -34,5 +36,8 @@ ConvertedScan to_scan(const PointCloudMessage& message, const Pose3& robot_from_
                       std::optional<int>& ring);
 
 std::shared_ptr<mrpt::obs::CObservationIMU> to_imu(const ImuMessage& message, const Pose3& robot_from_sensor);
+
+// As a GGA message of NMEA. Its fix has the quality 0 where there is none, 2 where it was corrected, else 1.
+std::shared_ptr<mrpt::obs::CObservationGPS> to_gps(const PositionMessage& message, const Pose3& robot_from_sensor);
 
 }  // namespace mapweave::rawlog::ros

@@ -3,15 +3,11 @@
 #include "../camera_folder.h"
 #include "../say_once.h"
 
+#include <mapweave/rawlog/ros_recorder.h>
+
 #include <limits>
 
 namespace mapweave::rawlog::ros {
-namespace {
-
-bool is_odometry_frame(const std::string& frame) { return frame.substr(frame.rfind('/') + 1).rfind("odom", 0) == 0; }
-
-}  // namespace
-
 SensorMounts::SensorMounts(const ChosenTopics& topics, const ReadOptions& options, std::string bag)
     : options_(options),
       bag_(std::move(bag)),
@@ -70,7 +66,7 @@ Pose3 SensorMounts::without_transforms(TopicRole role) const {
     return {Eigen::Vector3d::Zero(),
             Eigen::Quaterniond(Eigen::Matrix3d(ahead.getRotationMatrix().asEigen())).normalized()};
   }
-  if (role == TopicRole::imu || role == TopicRole::odometry) return {};
+  if (role == TopicRole::imu || role == TopicRole::position || role == TopicRole::odometry) return {};
   return spatial(Pose2(options_.laser_x_m, options_.laser_y_m, options_.laser_yaw_rad));
 }
 

@@ -38,6 +38,7 @@ std::optional<TopicRole> role_of(const BagTopic& topic) {
                                                          {"sensor_msgs/PointCloud2", TopicRole::cloud},
                                                          {"nav_msgs/Odometry", TopicRole::odometry},
                                                          {"sensor_msgs/Imu", TopicRole::imu},
+                                                         {"sensor_msgs/NavSatFix", TopicRole::position},
                                                          {"sensor_msgs/Image", TopicRole::image},
                                                          {"sensor_msgs/CompressedImage", TopicRole::image},
                                                          {"sensor_msgs/CameraInfo", TopicRole::calibration}};
@@ -98,8 +99,9 @@ class Choice {
       choose_by_name();
     add_transforms();
     add_cameras();
-    if (std::none_of(chosen_.topics.begin(), chosen_.topics.end(),
-                     [](const ChosenTopic& topic) { return !is_transforms(topic.role); }))
+    if (std::all_of(chosen_.topics.begin(), chosen_.topics.end(), [](const ChosenTopic& topic) {
+          return is_transforms(topic.role) || topic.role == TopicRole::position;
+        }))
       refuse("holds no topic of a laser, a camera, an inertial unit or odometry; it has " + contents(topics_),
              "check that this is the right bag");
     return chosen_;
@@ -153,8 +155,10 @@ class Choice {
     if (!has_scan) take_one([](TopicRole role) { return role == TopicRole::cloud; }, "a lidar with point clouds");
     take_one([](TopicRole role) { return role == TopicRole::odometry; }, "odometry");
     take_one([](TopicRole role) { return role == TopicRole::imu; }, "an inertial unit");
-    for (const Candidate& candidate : candidates_)
+    for (const Candidate& candidate : candidates_) {
       if (candidate.role == TopicRole::image) images_.push_back(candidate.topic);
+      if (candidate.role == TopicRole::position) take(candidate);
+    }
   }
 
   template <class IsWanted>

@@ -17,6 +17,7 @@ enum class TopicRole {
   cloud,
   odometry,
   imu,
+  position,
   transforms,
   static_transforms,
   image,

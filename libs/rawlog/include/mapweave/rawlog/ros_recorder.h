@@ -32,6 +32,9 @@ std::vector<RecordedTopic> topics_to_record(const std::vector<RecordedTopic>& th
 // transforms, which come in any order, and of a stamp of 0.
 std::optional<std::int64_t> stamp_of_message(const std::string& type, std::string_view message);
 
+// Whether transforms from this frame are odometry, by its name: odom, tb0/odom_combined.
+bool is_odometry_frame(const std::string& frame);
+
 // What was written so far is never lost: it is in the file when add() returns. Thread-safe.
 class RosRecorder {
  public:
