@@ -38,6 +38,16 @@ std::string seconds_text(std::int64_t stamp_ns) {
   return text;
 }
 
+PlacedRecord odometry_record(const Pose3& odometry_from_robot, std::int64_t stamp_ns, const std::string& label,
+                             std::uint64_t place) {
+  auto odometry = std::make_shared<mrpt::obs::CObservationOdometry>();
+  odometry->timestamp = to_mrpt_time(Stamp{stamp_ns});
+  odometry->sensorLabel = label;
+  odometry->odometry = mrpt::poses::CPose2D(planar(odometry_from_robot));
+  const Stamp stamp = to_stamp(odometry->timestamp);
+  return {{stamp, std::move(odometry)}, place};
+}
+
 class BagSource final : public RecordSource {
  public:
   BagSource(std::unique_ptr<BagReader> bag, const std::filesystem::path& path, const ReadOptions& options)
@@ -257,16 +267,6 @@ class BagSource final : public RecordSource {
     observation->sensorLabel = label;
     const Stamp stamp = to_stamp(observation->timestamp);
     records.push_back({{stamp, std::move(observation)}, waiting.message.place});
-  }
-
-  static PlacedRecord odometry_record(const Pose3& odometry_from_robot, std::int64_t stamp_ns, const std::string& label,
-                                      std::uint64_t place) {
-    auto odometry = std::make_shared<mrpt::obs::CObservationOdometry>();
-    odometry->timestamp = to_mrpt_time(Stamp{stamp_ns});
-    odometry->sensorLabel = label;
-    odometry->odometry = mrpt::poses::CPose2D(planar(odometry_from_robot));
-    const Stamp stamp = to_stamp(odometry->timestamp);
-    return {{stamp, std::move(odometry)}, place};
   }
 
   void finish(std::vector<PlacedRecord>& records) {
