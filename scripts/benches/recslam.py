@@ -4,7 +4,8 @@ Needs the program (scripts/build). Simulates the apartments of the paper's secti
 logs into teams; runs each team with its edges grouped by each method, and in the cloud alone. Before that it learns each place's latency model from
 other drives there (other seeds; of a public log, which has no other drive, other cuts). Robots are Raspberry Pi 3B+, wires are WiFi. Runs that this program made are not made again. Writes the tables between <!-- bench:recslam -->
 and <!-- /bench --> of datasets/RESULTS.md, out/bench/recslam.json, and plots (PNG) and report.html beside it. Maps of a robot, of each edge and of all (fig. 12 to 14) go to
-out/bench/recslam-maps. A scene whose robots do not end in one map in every run has no times, and the exit code is 5. Takes about an hour.
+out/bench/recslam-maps. A scene whose robots do not end in one map in every run has no times, and the exit code is 5; also where edges save less
+than 55 % of what the cloud alone takes in 13 x 18 m, where ten robots save less than six, and where their map is there after more than 2 s. Takes about an hour.
 """
 import hashlib
 import json
@@ -31,6 +32,7 @@ WIRES = [f"network.{wire}.profile=wifi" for wire in ("robot_edge", "robot_cloud"
 WIFI_BYTES_PER_S = 12.75e6   # of the profile (libs/transport, profiles.h)
 PAPERS_EDGES = ["processors.edge_profile=jetson-tx2"]   # RecSLAM's edges beside its cloud
 LEARNING_SEEDS, SEED = (41, 43), 42
+GOAL_GAIN, GOAL_TEN_S = 0.55, 2.0   # against the cloud alone, and the most robots gain no less than the fewest; until the map of ten is there
 ROOMS = 8
 BUILDING_SEED = 9
 
@@ -258,6 +260,16 @@ def results_text(all_rows, models):
     return text
 
 
+def missed_goals(rows):
+    series = [row for row in rows if row["name"] in SERIES and is_one_map(row)]
+    gains = [1 - row["methods"]["default"]["total_s"] / row["cloud_only_s"] for row in series]
+    missed = [f"{row['name']}: {percent(-gain)}, goal {percent(-GOAL_GAIN)}" for row, gain in zip(series, gains) if gain < GOAL_GAIN]
+    if len(series) == len(SERIES) and gains[-1] < gains[0]:
+        missed.append(f"{series[-1]['name']}: {percent(-gains[-1])}, fewer robots {percent(-gains[0])}")
+    late = [row["methods"]["default"]["total_s"] for row in series if row["robots"] == 10]
+    return missed + [f"map of ten robots after {total_s:.2f} s, goal {GOAL_TEN_S} s" for total_s in late if total_s > GOAL_TEN_S]
+
+
 def run(arguments):
     common.need(common.PROGRAM, "run scripts/build first")
     chosen = [name.strip() for name in arguments.scenes.split(";")]
@@ -280,4 +292,5 @@ def run(arguments):
     print(text)
     if not arguments.dry_run:
         common.write_results("recslam", text)
-    return common.unmet("not one map in every run", [f"{row['name']} ({most_maps(row)} maps)" for row in rows if not is_one_map(row)])
+    return max(common.unmet("not one map in every run", [f"{row['name']} ({most_maps(row)} maps)" for row in rows if not is_one_map(row)]),
+               common.unmet("against the cloud alone", missed_goals(rows)))
