@@ -2,7 +2,8 @@
 """Do the papers hold together? Run by scripts/check_text; prints what is wrong, a line each, and exits with 1 then.
 
 Every *.md: relative links lead to files, and #anchors to headings. README.md: at most 150 lines, its ten results as datasets/RESULTS.md has them.
-libs/README.md: the arrows are those of libs/*/CMakeLists.txt, files and functions in backticks exist. DECISIONS.md: at most ten lines of 180 columns each.
+libs/README.md: the arrows are those of libs/*/CMakeLists.txt, files and functions in backticks exist. libs/*/README.md: every public header is named.
+DECISIONS.md: at most ten lines of 180 columns each. Whatever names one of its entries by number names one that is there.
 """
 import pathlib
 import re
@@ -99,6 +100,13 @@ def is_of(file, name):
     return f"/{file}".endswith(f"/{name}") or (name.count("/") == 1 and f"/{file}".endswith("/mapweave/" + name))
 
 
+def check_headers():
+    for file in listed("libs/*/include/*.h"):
+        library = shown(file).parts[1]
+        if not re.search(rf"`(?:{library}/)?{re.escape(file.name)}`", (ROOT / "libs" / library / "README.md").read_text()):
+            problems.append(f"libs/{library}/README.md: does not name {file.name}, a header of its library")
+
+
 def check_decisions():
     entries = re.split(r"^## ", (ROOT / "DECISIONS.md").read_text(), flags=re.MULTILINE)[1:]
     for entry in entries:
@@ -108,12 +116,19 @@ def check_decisions():
     numbers = [entry.split(".")[0] for entry in entries]
     if numbers != [str(number) for number in range(1, len(numbers) + 1)]:
         problems.append("DECISIONS.md: the numbers do not rise one by one")
+    for file in listed("*.md", "*.h", "*.cpp", "*.proto", "*.py", "*.cmake", "*CMakeLists.txt", "*.yaml"):
+        for found in re.finditer(r"\bDECISIONS(?:\.md,)?[\s/#]+([NX?]+\b|\d+(?:, \d+)*)", text := file.read_text()):
+            for number in found.group(1).split(", "):
+                if number not in numbers:
+                    line = text.count("\n", 0, found.start()) + 1
+                    problems.append(f"{shown(file)}:{line}: DECISIONS.md has no entry {number}")
 
 
 def main():
     check_links(listed("*.md"))
     check_readme()
     check_map_of_the_house()
+    check_headers()
     check_decisions()
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
