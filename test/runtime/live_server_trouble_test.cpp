@@ -27,7 +27,7 @@ using namespace std::chrono_literals;
 
 SessionId stranger(std::int64_t run) { return {{RobotId("stranger"), SensorId("camera")}, run}; }
 
-// Of what one client heard until nothing more came for so long.
+// Of what one client received until nothing more came for so long.
 std::uint64_t stored_of(transport::Channel& link, std::chrono::milliseconds patience) {
   std::uint64_t stored = 0;
   while (true) {

@@ -68,7 +68,7 @@ TEST_F(StartMapsTest, gives_sessions_of_one_robot_numbers_that_they_keep) {
   EXPECT_TRUE(fs::exists(folder / "two/robots/alpha/map.mwdb"));
   EXPECT_TRUE(fs::exists(folder / "two/merges.json"));
 
-  // A third one, of a recording that is known already: it is told, and the others go on.
+  // A third one, of a recording that is known already: the report says so, and the others go on.
   const Report three = slam("alpha", "alpha", {folder / "two/map.mwdb"}, "three");
   EXPECT_EQ(three.exit_code(), ExitCode::stayed_apart);
   std::set<std::string> members;

@@ -246,7 +246,7 @@ Json camera_json(const CameraReport& camera) {
                {"readout_seconds", camera.readout_s},
                {"inverse_depth_offset", camera.inverse_depth_offset}};
   if (camera.passed_on_bytes > 0) json["passed_on_bytes"] = camera.passed_on_bytes;
-  for (const CameraReport::Traffic& traffic : camera.traffic)  // second of data, sent, heard
+  for (const CameraReport::Traffic& traffic : camera.traffic)  // second of data, sent, received
     json["traffic"].push_back({traffic.second, traffic.sent_bytes, traffic.received_bytes});
   if (camera.forgotten > 0) {
     json["forgotten_keyframes"] = camera.forgotten;

@@ -213,7 +213,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   return result;
 }
 
-// Who was heard last of two maps that stayed apart.
+// Who proposed the last questions about two maps that stayed apart.
 std::string LaserMerger::last_proposer(std::size_t a, std::size_t b) const {
   const auto state = pairs_.find({a, b});
   return to_text(state == pairs_.end() ? Proposer::ring_keys : state->second.last);

@@ -195,7 +195,7 @@ void LiveCloud::State::preview() {
         apart.push_back(verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(verdict));
     newest = newest_scans(rounds);
     if (site.keeps_previews) next = preview_of(rounds, counts.previews + 1);
-  } catch (const Interrupted&) {  // who was told to end ends this
+  } catch (const Interrupted&) {  // whoever interrupted it ends this
     return;
   }
   const std::lock_guard lock(mutex);

@@ -176,7 +176,7 @@ void LiveCoordinator::State::notice_robots(double now_s) {
   }
 }
 
-// An edge that is lost is told so once another one can take its robots; never while the cloud makes the final map,
+// An edge counts as lost only once another one can take its robots; never while the cloud makes the final map,
 // which has all that it needs of it, or waits for it.
 void LiveCoordinator::State::notice_edges(double now_s) {
   if (!began_s) began_s = now_s;

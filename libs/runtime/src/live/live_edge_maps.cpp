@@ -52,7 +52,7 @@ void LiveEdge::State::read_map(Robot& robot, std::unique_lock<std::mutex>& lock)
   std::shared_ptr<const Map> map;
   try {
     map = named(tiers::growing_part(robot.slam->map_so_far()), robot.planned->id);
-  } catch (const Interrupted&) {  // who was told to end ends this
+  } catch (const Interrupted&) {  // whoever interrupted it ends this
   }
   const Clock::time_point now = Clock::now();
   const double period_s = std::min(kBetweenMaps_s, site.options.preview_period_s);
@@ -220,7 +220,7 @@ void LiveEdge::State::merge() {
         lock.lock();
         next = Clock::now() + period;
       }
-    } catch (const Interrupted&) {  // who was told to end ends this
+    } catch (const Interrupted&) {  // whoever interrupted it ends this
       if (!lock.owns_lock()) lock.lock();
       changed.wait_until(lock, next = Clock::now() + period, [&] { return ends.load(); });
     } catch (const std::exception& error) {

@@ -132,7 +132,7 @@ void allow_cameras(transport::BrokerUser& robot, const PlannedRobot& planned) {
             transport::NatsChannelSide::opens, {}, one);
 }
 
-// Where a coordinator may give any robot to any edge: who follows its plan, and what it hears of maps.
+// Where a coordinator may give any robot to any edge: who follows its plan, and what it receives of maps.
 void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan& plan) {
   using Side = transport::NatsChannelSide;
   const auto user = [&](const std::string& name) -> transport::BrokerUser& {

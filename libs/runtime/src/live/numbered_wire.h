@@ -38,7 +38,7 @@ struct WireCounts {
 
 // What its owner does. All are called within step().
 struct WireHooks {
-  // Who is there; how many of its numbers are stored here. Throws Error, which the other end is told.
+  // Who is there; how many of its numbers are stored here. Throws Error, which is sent to the other end.
   std::function<std::uint64_t(const Hello&)> greet;
   std::function<void(Said)> take;
   // The other end lacks what it had confirmed. begin_anew() and say all again.

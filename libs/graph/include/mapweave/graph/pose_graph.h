@@ -29,10 +29,11 @@ struct SolveOptions {
               "most iterations of the solver in each round of optimising the pose graph; larger values are slower and "
               "change nothing once it has converged");
     v.positive("truncation_chi2", truncation_chi2,
-               "a loop closure whose squared error in standard deviations (chi-square, 3 degrees of freedom) stays "
-               "above this is removed as an outlier; larger values keep more loop closures");
+               "a match of two places (a loop closure, or between two robots' maps) whose squared error in standard "
+               "deviations (chi-square, 3 degrees of freedom) stays above this is removed as an outlier; larger values "
+               "keep more matches");
     v.integer("robust_rounds", robust_rounds, 1, 100,
-              "number of rounds of graduated non-convexity (GNC), in which outliers among loop closures lose their "
+              "number of rounds of graduated non-convexity (GNC), in which outliers among matches of places lose their "
               "weight; larger values decide more gradually and take longer");
   }
 };

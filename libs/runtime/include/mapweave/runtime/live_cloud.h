@@ -46,8 +46,8 @@ class LiveCloud {
   bool follow(const LiveRequests& requests);
   // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
   void seal_now();
-  // The report, once the folder is there and the edges were told; nullopt: it is not yet. Throws what went wrong for
-  // good (Error), and Interrupted where an interruption ended it.
+  // The report, once the folder is there and this was sent to the edges; nullopt: it is not yet. Throws what went
+  // wrong for good (Error), and Interrupted where an interruption ended it.
   std::optional<Report> wait(std::chrono::milliseconds patience);
   LiveCloudCounts counts() const;
   std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge

@@ -16,7 +16,7 @@ struct LiveWireOptions {
                "time in seconds without a receipt after which what was sent is sent again; larger values repeat less "
                "and recover later");
     v.integer("window_kb", window_kb, 64, 1 << 20,
-              "of messages, in kB, that may be on their way without a receipt; larger values fill long wires better "
+              "most kB of messages that may be on their way without a receipt; larger values fill long wires better "
               "and take more memory");
   }
 };
@@ -36,17 +36,18 @@ struct LiveServerOptions {
     v.integer("merge_threads", merge_threads, 1, 64,
               "threads that merge the cameras' maps, at a lower priority than the others; larger values merge faster");
     v.fraction("merge_share", merge_share,
-               "largest share of the time in which maps are merged: the next merge waits until then; larger values "
-               "merge more often");
+               "largest share of the time in which maps are merged: after a merge the next one waits so long that "
+               "merging takes no more; larger values merge more often");
     v.integer("queue_kb", queue_kb, 64, 1 << 20,
-              "of what one camera says, in kB, that may wait to be handled; the rest it keeps and says later; larger "
-              "values take more memory");
+              "most kB of one camera's messages that may wait at the map server to be handled; the camera keeps the "
+              "rest and sends it later; larger values take more memory");
     v.integer("answers_kb", answers_kb, 64, 1 << 20,
-              "of answers, in kB, that may wait until a camera takes them; nothing is shared with it meanwhile; larger "
-              "values fill slow wires more");
-    v.integer("journal_kb", journal_kb, 1, 1 << 30,
-              "of the journal, in kB, that it may grow by, and to twice its length, before it is written anew; larger "
-              "values take more of the disk");
+              "most kB of answers that may wait until a camera takes them; at that many nothing more is shared with "
+              "it; larger values fill slow wires more");
+    v.integer(
+        "journal_kb", journal_kb, 1, 1 << 30,
+        "kB by which the journal of what cameras sent grows, and at least to twice its length, before it is written "
+        "anew without what is outdated; larger values write it anew less often and take more of the disk");
   }
 };
 
@@ -85,10 +86,10 @@ struct LiveOptions {
                "time in seconds between two previews in which an edge and the cloud fuse the maps so far; larger "
                "values show less and cost less. The final map is the same");
     v.integer("robot_buffer_kb", robot_buffer_kb, 1, 1 << 30,
-              "of what a robot sensed, in kB, that it keeps while its edge does not take it; larger values survive "
-              "longer outages. Beyond it scans are lost, and counted; odometry is kept");
+              "most kB of sensor data that a robot keeps while its edge does not take it; larger values survive longer "
+              "outages. Beyond it scans are lost, and counted; odometry is kept");
     v.integer("edge_queue_kb", edge_queue_kb, 1, 1 << 30,
-              "of what one robot sensed, in kB, that may wait at its edge to be mapped; the rest waits at the robot; "
+              "most kB of one robot's sensor data that may wait at its edge to be mapped; the rest waits at the robot; "
               "larger values take more memory");
     v.positive("patience_s", patience_s,
                "time in seconds after which it is said who does not answer, again and again; larger values say it "

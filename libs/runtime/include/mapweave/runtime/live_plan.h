@@ -1,5 +1,5 @@
 #pragma once
-// What a coordinator that is a program of its own tells all others: which robot's data go to which edge, and how far
+// What a coordinator that is a program of its own sends to all others: which robot's data go to which edge, and how far
 // the deployment is. The newest one counts, by its number.
 
 #include <mapweave/core/ids.h>
