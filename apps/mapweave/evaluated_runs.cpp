@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
+#include <mapweave/core/median.h>
 
 #include <algorithm>
 #include <optional>
@@ -68,9 +69,7 @@ std::optional<std::pair<std::string, std::string>> robots_at_the_same_time(const
           if (const auto other = evaluation::interpolated_pose(b->estimate.trajectory, point.stamp, kLargestGap_s))
             apart_m.push_back((point.pose.t - other->t).norm());
         if (apart_m.size() < kFewest) continue;
-        const auto middle = apart_m.begin() + static_cast<std::ptrdiff_t>(apart_m.size() / 2);
-        std::nth_element(apart_m.begin(), middle, apart_m.end());
-        if (*middle > kOtherPlace_m) return std::pair(a->robot, b->robot);
+        if (median(std::move(apart_m)) > kOtherPlace_m) return std::pair(a->robot, b->robot);
       }
   return std::nullopt;
 }

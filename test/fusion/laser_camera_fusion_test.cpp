@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <mapweave/core/median.h>
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/map_update.h>
 #include <mapweave/rig/aligned_trajectories.h>
@@ -114,8 +115,7 @@ struct OneOfTwoSenses {
         const Pose3 placed = compose(world_from_team, joined.nodes.find(landmark.anchor)->map_from_node);
         apart.push_back(off_m(stars, transformed(landmark.point_in_anchor(), placed)));
       }
-      std::nth_element(apart.begin(), apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2), apart.end());
-      result.landmark_m = apart[apart.size() / 2];
+      result.landmark_m = median(std::move(apart));
       return result;
     };
     return {error(own, truth_own), error(true_scale, truth_alone)};

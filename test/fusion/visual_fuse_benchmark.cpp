@@ -4,6 +4,7 @@
 // Without maps, those of two robots that drive through an apartment until both together have so many keyframes: 456, as
 // in CORB-SLAM's table 2. Then their errors are printed, too.
 #include <mapweave/core/error.h>
+#include <mapweave/core/median.h>
 #include <mapweave/mapdb/map_store.h>
 #include <support/feature_team.h>
 
@@ -64,11 +65,6 @@ void drive(FeatureTeam& team, std::size_t keyframes) {
   };
   while (known() < keyframes && team.round()) {}
   team.finish();
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 void measure(const fusion::FusionInput& input, int rounds, const FeatureTeam* simulated) {

@@ -1,6 +1,7 @@
 #include "pictures/patch.h"
 #include "pictures/detector.h"
 
+#include <mapweave/core/median.h>
 #include <support/painted_room.h>
 
 #include <gmock/gmock.h>
@@ -45,11 +46,6 @@ bool is_of_the_wall_ahead(const Eigen::Vector2d& pixel, int level) {
   return true;
 }
 
-double middle_of(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 // The camera moves sideways in front of a wall: every point moves by the same known amount.
 TEST(Patch, is_found_again_to_a_twentieth_of_a_pixel) {
   const double shift_px = 1.7;
@@ -66,7 +62,7 @@ TEST(Patch, is_found_again_to_a_twentieth_of_a_pixel) {
     EXPECT_LT(errors.back(), 0.25);
   }
   ASSERT_GT(errors.size(), 20U);
-  EXPECT_LT(middle_of(errors), 0.05);
+  EXPECT_LT(median(errors), 0.05);
 }
 
 TEST(Patch, is_warped_to_a_nearer_view_in_a_coarser_level) {
@@ -88,7 +84,7 @@ TEST(Patch, is_warped_to_a_nearer_view_in_a_coarser_level) {
     errors.push_back((match->pixel - there).norm() / (1 << warped->level));
   }
   ASSERT_GT(errors.size(), 8U);
-  EXPECT_LT(middle_of(errors), 0.15);
+  EXPECT_LT(median(errors), 0.15);
 }
 
 TEST(Patch, refuses_warps_that_need_more_than_was_kept) {
@@ -126,7 +122,7 @@ TEST(Disparity, is_focal_length_times_baseline_over_depth) {
     EXPECT_LT(errors.back(), 1.0);
   }
   ASSERT_GT(errors.size(), 20U);
-  EXPECT_LT(middle_of(errors), 0.1);
+  EXPECT_LT(median(errors), 0.1);
 }
 
 TEST(Disparity, is_none_where_the_right_picture_shows_something_else) {

@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/median.h>
 #include <mapweave/laser/depth_scans.h>
 
 #include <mrpt/obs/CObservation2DRangeScan.h>
@@ -41,18 +42,15 @@ Lens lens_of(const CObservation3DRangeScan& picture) {
 }
 
 // The median depth, in the picture's units, around a place on the horizon; 0 where nothing was measured.
-std::uint16_t depth_at(const CObservation3DRangeScan& picture, const Lens& lens, int column,
-                       std::vector<std::uint16_t>& depths) {
+std::uint16_t depth_at(const CObservation3DRangeScan& picture, const Lens& lens, int column) {
   const double half_rows = lens.fy * std::tan(kBand_rad);
   const int first = std::max(0, static_cast<int>(std::lround(lens.cy - half_rows)));
   const int last = std::min(lens.height - 1, static_cast<int>(std::lround(lens.cy + half_rows)));
-  depths.clear();
+  std::vector<std::uint16_t> depths;
   for (int row = first; row <= last; ++row)
     if (const std::uint16_t depth = picture.rangeImage(row, column); depth != 0) depths.push_back(depth);
   if (depths.empty()) return 0;
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
+  return median(std::move(depths));
 }
 
 CObservation2DRangeScan::Ptr scan_of(const CObservation3DRangeScan& picture) {
@@ -69,12 +67,11 @@ CObservation2DRangeScan::Ptr scan_of(const CObservation3DRangeScan& picture) {
   scan->aperture = static_cast<float>(2.0 * half_rad);
   scan->maxRange = picture.maxRange;
   scan->resizeScan(rays);
-  std::vector<std::uint16_t> depths;
   for (std::size_t ray = 0; ray < rays; ++ray) {
     const double angle = static_cast<double>(ray) * step_rad - half_rad;
     const auto column = static_cast<int>(std::lround(lens.cx - lens.fx * std::tan(angle)));
-    const double depth_m = picture.rangeUnits *
-                           static_cast<double>(depth_at(picture, lens, std::clamp(column, 0, lens.width - 1), depths));
+    const double depth_m =
+        picture.rangeUnits * static_cast<double>(depth_at(picture, lens, std::clamp(column, 0, lens.width - 1)));
     scan->setScanRange(ray, static_cast<float>(picture.range_is_depth ? depth_m / std::cos(angle) : depth_m));
     scan->setScanRangeValidity(ray, depth_m > 0.0);
   }

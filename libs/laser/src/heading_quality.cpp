@@ -1,6 +1,7 @@
 #include "heading_quality.h"
 
 #include <mapweave/core/geometry.h>
+#include <mapweave/core/median.h>
 
 #include <algorithm>
 #include <cmath>
@@ -26,10 +27,8 @@ void HeadingQuality::add_heading(std::optional<double> heading_rad) {
     ratios_.push_back(std::abs(wrap_angle(*heading_rad - *start_ - turn_rad_)) / std::sqrt(variance_));
     if (ratios_.size() > kMost) ratios_.pop_front();
     if (ratios_.size() >= kFewest) {
-      std::vector<double> sorted(ratios_.begin(), ratios_.end());
-      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-      std::nth_element(sorted.begin(), middle, sorted.end());
-      factor_ = std::clamp(*middle / kMedianOfNormal, kLeast, kLargest);
+      factor_ =
+          std::clamp(median(std::vector<double>(ratios_.begin(), ratios_.end())) / kMedianOfNormal, kLeast, kLargest);
     }
   }
   start_ = heading_rad;

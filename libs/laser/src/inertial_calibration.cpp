@@ -3,6 +3,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/format.h>
 #include <mapweave/core/geometry.h>
+#include <mapweave/core/median.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -27,12 +28,6 @@ constexpr double kLeastFactor = 0.5, kLargestFactor = 6.0;     // of the noise, 
 constexpr double kDead = 0.2;                                  // scale of a unit that does not turn along
 constexpr double kScaleShare = 0.1;                            // standard deviation of a scale that is named
 constexpr double kDegreesPerRadian = 57.29577951308232;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

@@ -1,3 +1,4 @@
+#include <mapweave/core/median.h>
 #include <mapweave/laser/odometry_check.h>
 
 #include <Eigen/Eigenvalues>
@@ -34,12 +35,6 @@ constexpr double kDegree = M_PI / 180.0;
 // Of a turn: in radians, what wheels miss standing and in proportion; in degrees, what a hundredth of a radian that the
 // match is off comes to (0.57). A heading that has nothing to do with the turn passes in one of five cases.
 constexpr double kTurnError_rad = 0.05, kTurnErrorShare = 0.3, kDegreesError_rad = 0.6;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 template <class Values, class Predicate>
 std::size_t count(const Values& values, const Predicate& is_one) {

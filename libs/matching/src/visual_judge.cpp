@@ -1,6 +1,7 @@
 #include "guided_search.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/median.h>
 #include <mapweave/core/options.h>
 
 #include <Eigen/Eigenvalues>
@@ -130,9 +131,7 @@ Alignment alignment_of(const Grown& grown) {
   const Sim3 b_from_a = inverse(alignment.a_from_b);
   for (const FeaturePair& pair : grown.pairs)
     distances.push_back((pair.point_in_b ? *pair.point_in_b : transformed(*pair.point_in_a, b_from_a)).norm());
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  alignment.covariance.diagonal().head<3>().array() += std::pow(kShare * *middle, 2);
+  alignment.covariance.diagonal().head<3>().array() += std::pow(kShare * median(std::move(distances)), 2);
   alignment.covariance.diagonal().tail<3>().array() += kTurn * kTurn;
   return alignment;
 }
@@ -349,9 +348,7 @@ class Judge {
     evidence.overlap = std::min(1.0, static_cast<double>(cells.size()) / (kColumns * kRows));
     if (!gaps.empty()) {
       evidence.verifier_inliers = share(meeting, static_cast<double>(gaps.size()));
-      const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
-      std::nth_element(gaps.begin(), middle, gaps.end());
-      evidence.verifier_disagreement_m = *middle;
+      evidence.verifier_disagreement_m = median(std::move(gaps));
     } else {
       evidence.verifier_inliers = 1.0;
     }

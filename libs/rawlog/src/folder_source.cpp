@@ -6,6 +6,7 @@
 #include "picture_file.h"
 #include "picture_lists.h"
 
+#include <mapweave/core/median.h>
 #include <mapweave/rawlog/depth_delay.h>
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/obs/CObservationImage.h>
@@ -190,9 +191,7 @@ class FolderSource final : public RecordSource {
                  [](std::uint16_t steps) { return steps != 0; });
     if (readings.empty()) return;
     scale_is_checked_ = true;
-    const auto middle = readings.begin() + static_cast<std::ptrdiff_t>(readings.size() / 2);
-    std::nth_element(readings.begin(), middle, readings.end());
-    const double median_m = *middle / folder_.depth_scale;
+    const double median_m = median(std::move(readings)) / folder_.depth_scale;
     if (median_m >= kNearestDepth_m && median_m <= kFarthestDepth_m) return;
     throw Error(ErrorCode::kBadInput,
                 "the median depth is " + std::to_string(median_m) + " m with a depth_scale of " +

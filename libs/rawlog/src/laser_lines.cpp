@@ -1,5 +1,6 @@
 #include "laser_lines.h"
 
+#include <mapweave/core/median.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CObservationOdometry.h>
 
@@ -65,12 +66,6 @@ Fan fan_of(const LaserLine& line, std::optional<double> stated_resolution_rad) {
     field_of_view = steps * *stated_resolution_rad;
   }
   return {-0.5 * field_of_view, field_of_view / steps};
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 double rounded(double value) { return std::round(value * 1e4) / 1e4 + 0.0; }  // never -0

@@ -1,6 +1,7 @@
 #include "team_state.h"
 #include "shared_landmarks.h"
 
+#include <mapweave/core/median.h>
 #include <mapweave/rig/scale.h>
 
 #include <algorithm>
@@ -31,9 +32,7 @@ double middle_depth(const TeamState& team, const TeamKeyframe& keyframe) {
                       camera_from_map)
               .z());
   if (depths.empty()) return 1.0;
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return team.scale_of(keyframe.member) * std::max(0.1, *middle);
+  return team.scale_of(keyframe.member) * std::max(0.1, median(std::move(depths)));
 }
 
 }  // namespace

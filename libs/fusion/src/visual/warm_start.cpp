@@ -1,5 +1,7 @@
 #include "warm_start.h"
 
+#include <mapweave/core/median.h>
+
 #include <algorithm>
 
 namespace mapweave::fusion {
@@ -142,9 +144,7 @@ std::optional<WarmStart> warm_start(const PreviousMerge& before, const std::vect
         apart_m.push_back(
             (compose(start.team_from_node[a], w.node_a_from_node_b.pose).t - start.team_from_node[b].t).norm());
     }
-  const auto middle = apart_m.begin() + static_cast<std::ptrdiff_t>(apart_m.size() / 2);
-  std::nth_element(apart_m.begin(), middle, apart_m.end());
-  if (!apart_m.empty() && *middle > kElsewhere_m) return std::nullopt;
+  if (!apart_m.empty() && median(std::move(apart_m)) > kElsewhere_m) return std::nullopt;
   return start;
 }
 

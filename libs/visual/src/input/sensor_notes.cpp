@@ -2,7 +2,8 @@
 
 #include "pictures/detector.h"
 
-#include <algorithm>
+#include <mapweave/core/median.h>
+
 #include <cmath>
 #include <sstream>
 
@@ -45,9 +46,7 @@ std::string note_on_depth(const Frame& frame, const LandmarkMap& map, const Clie
     if (value != 0) readings.push_back(value);
   if (readings.size() * 20 < frame.depth.image.pixels.size() || readings.empty())
     return "the depth pictures are all but empty, or missing: check the sensor";
-  const auto middle = readings.begin() + static_cast<std::ptrdiff_t>(readings.size() / 2);
-  std::nth_element(readings.begin(), middle, readings.end());
-  const double depth_m = *middle * frame.depth.metres_per_unit;
+  const double depth_m = median(std::move(readings)) * frame.depth.metres_per_unit;
   if (depth_m < options.depth.min_depth_m || depth_m > options.depth.max_depth_m)
     return said("the depth pictures read ", depth_m, " m in the middle, where ", options.depth.min_depth_m, " to ",
                 options.depth.max_depth_m, " m are used: check the depth scale (", frame.depth.metres_per_unit,

@@ -5,6 +5,7 @@
 #include "tracking/landmark_finder.h"
 #include "tracking/place_finder.h"
 
+#include <mapweave/core/median.h>
 #include <mapweave/visual/depth_picture.h>
 
 #include <algorithm>
@@ -47,9 +48,7 @@ Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, 
 double middle_depth_of(const LandmarkMap& map, const View& view, const std::vector<Match>& matches) {
   std::vector<double> depths;
   for (const Match& match : matches) depths.push_back((view * map.landmark(match.landmark).point).z());
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return depths.empty() ? 1.0 : std::max(*middle, 1e-3);
+  return depths.empty() ? 1.0 : std::max(median(std::move(depths)), 1e-3);
 }
 
 // Depths of the features: read where there is a depth camera, else of the landmark next to each.

@@ -4,7 +4,7 @@
 #include "tracking/frame_alignment.h"
 #include "two_views.h"
 
-#include <algorithm>
+#include <mapweave/core/median.h>
 
 namespace mapweave::visual {
 namespace {
@@ -15,13 +15,6 @@ constexpr double kLeastShift = 0.01;       // median motion of the tracks worth 
 constexpr double kMiddleDepth_m = 1.0;     // where nothing gives scale
 constexpr double kLeastOdometry_m = 0.02;  // of a motion that gives scale
 
-template <class Value>
-Value middle_of(std::vector<Value> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double scale_of(const TwoViews& views, const Frame& first, const Frame& second) {
   if (first.odometry_from_camera && second.odometry_from_camera) {
     const double moved_m = between(*first.odometry_from_camera, *second.odometry_from_camera).t.norm();
@@ -30,7 +23,7 @@ double scale_of(const TwoViews& views, const Frame& first, const Frame& second) 
   std::vector<double> depths;
   for (std::size_t i = 0; i < views.points.size(); ++i)
     if (views.fits[i]) depths.push_back(views.points[i].z());
-  return kMiddleDepth_m / middle_of(depths);
+  return kMiddleDepth_m / median(depths);
 }
 
 }  // namespace
@@ -81,7 +74,7 @@ std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, const PosedF
   }
   std::vector<double> shifts;
   for (const Track& track : tracks_) shifts.push_back((track.now - track.first).norm());
-  if (middle_of(shifts) < kLeastShift * map.camera.fx) return std::nullopt;
+  if (median(shifts) < kLeastShift * map.camera.fx) return std::nullopt;
   std::vector<PixelPair> pairs;
   for (const Track& track : tracks_)
     pairs.push_back({track.first, track.now, options.tracking.sigma_px * (1 << track.patch.level)});

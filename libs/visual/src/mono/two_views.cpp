@@ -2,6 +2,8 @@
 
 #include "geometry/bundle_sighting.h"
 
+#include <mapweave/core/median.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -72,9 +74,7 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
       angles.push_back(std::atan2(point.cross(point - centre).norm(), point.dot(point - centre)));
     }
     if (angles.empty()) break;
-    const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
-    std::nth_element(angles.begin(), middle, angles.end());
-    result.parallax_rad = *middle;
+    result.parallax_rad = median(std::move(angles));
   }
   return result;
 }
@@ -120,9 +120,7 @@ View view_of(const cv::Mat& rotation, const cv::Mat& translation) {
 double middle_sigma_px(const std::vector<PixelPair>& pairs) {
   std::vector<double> sigmas;
   for (const PixelPair& pair : pairs) sigmas.push_back(pair.sigma_px);
-  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
-  std::nth_element(sigmas.begin(), middle, sigmas.end());
-  return *middle;
+  return median(std::move(sigmas));
 }
 
 // Of an essential matrix four, of a homography at most four, none of it where nothing but rotation is seen.

@@ -1,5 +1,7 @@
 #include "frame_pose.h"
 
+#include <mapweave/core/median.h>
+
 #include <algorithm>
 
 namespace mapweave::visual {
@@ -7,11 +9,6 @@ namespace {
 
 // Median distance of points from their middle.
 double spread_of(std::vector<Eigen::Vector3d> points) {
-  const auto median = [](std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  };
   Eigen::Vector3d centre;
   std::vector<double> values(points.size());
   for (int axis = 0; axis < 3; ++axis) {

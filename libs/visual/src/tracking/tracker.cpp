@@ -3,6 +3,8 @@
 #include "frame_alignment.h"
 #include "pictures/feature_grid.h"
 
+#include <mapweave/core/median.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -173,12 +175,11 @@ bool Tracker::is_keyframe_due(const LandmarkMap& map) const {
   const View since = place_.view * map.keyframe(place_.reference).view.inverse();
   std::vector<double> depths;
   for (const Match& match : place_.matches) depths.push_back((place_.view * map.landmark(match.landmark).point).z());
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
+  const double middle_m = depths.empty() ? 1.0 : median(std::move(depths));
   return static_cast<double>(place_.matches.size()) <
              options_.keyframe.kept_share * static_cast<double>(place_.reference_landmarks) ||
          Eigen::AngleAxisd(since.rotation).angle() > options_.keyframe.turn_rad ||
-         since.centre().norm() > options_.keyframe.parallax * *middle;
+         since.centre().norm() > options_.keyframe.parallax * middle_m;
 }
 
 void Tracker::finish_tracked(Stamp stamp, Pyramid picture, double share) {

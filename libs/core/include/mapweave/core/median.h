@@ -1,0 +1,20 @@
+#pragma once
+
+#include <mapweave/core/error.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+namespace mapweave {
+
+// The upper of the two middle ones of an even count. Contract: not empty.
+template <class Value>
+Value median(std::vector<Value> values) {
+  MAPWEAVE_EXPECT(!values.empty(), "no values, no median");
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace mapweave
