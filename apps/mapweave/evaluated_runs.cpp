@@ -1,6 +1,7 @@
 #include "evaluated_runs.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/median.h>
 
@@ -10,16 +11,6 @@
 
 namespace mapweave::app {
 namespace {
-
-bool is_folder(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored);
-}
-
-bool is_file(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_regular_file(path, ignored);
-}
 
 template <class Wanted>
 std::vector<std::filesystem::path> sorted_entries(const std::filesystem::path& folder, const Wanted& wanted) {

@@ -11,16 +11,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_file(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
-
-bool is_folder(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_directory(path, ignored);
-}
-
 [[noreturn]] void refuse(const fs::path& path, const std::string& what, const std::string& remedy) {
   throw Error(ErrorCode::kUsage, what, path.string(), remedy);
 }

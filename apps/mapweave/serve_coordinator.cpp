@@ -162,7 +162,7 @@ ServiceTurn service_turn_of(const runtime::LiveCoordinatorCounts& counts) {
 }  // namespace
 
 bool is_coordinated(const Deployment& deployment) {
-  return deployment.loaded.configuration.coordinator.method != runtime::Coordination::none;
+  return deployment.loaded.configuration.coordinator.method.has_value();
 }
 
 std::optional<runtime::LivePlan> PlanReader::look() {

@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
+#include <mapweave/core/stopwatch.h>
 
 namespace mapweave::app {
 
@@ -35,9 +36,7 @@ void StatusPublisher::publish(bool at_once) {
   try {
     if (makes_ && times_++ % kMakesAgain == 0) board_.ensure(kEvery);
     nlohmann::ordered_json status = status_();
-    status["said_at_ns"] =
-        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
-            .count();
+    status["said_at_ns"] = now_ns();
     board_.put(user_, status.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
   } catch (const Error& error) {
     log(LogLevel::debug, "the broker keeps no status: " + std::string(error.what()));

@@ -40,7 +40,7 @@ struct CoordinatedRun : testing::Test {
 
 TEST_F(CoordinatedRun, makes_the_same_maps_and_says_why_robots_went_where) {
   run("alone");
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   const Report report = run("coordinated");
   expect_same("alone", "coordinated", kMaps);
   ASSERT_TRUE(report.coordination);
@@ -63,7 +63,7 @@ TEST_F(CoordinatedRun, makes_the_same_maps_and_says_why_robots_went_where) {
 }
 
 TEST_F(CoordinatedRun, decides_the_same_with_any_number_of_threads) {
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   configuration.edges[1].until_s = 5.0;
   const Report one = run("one", 1), two = run("two", 2);
   EXPECT_EQ(parsed(folder / "one/manifest.json")["outputs"], parsed(folder / "two/manifest.json")["outputs"]);
@@ -76,7 +76,7 @@ TEST_F(CoordinatedRun, decides_the_same_with_any_number_of_threads) {
 }
 
 TEST_F(CoordinatedRun, sees_the_maps_of_helpers_as_they_grow) {
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   for (const laser::Engine engine : {laser::Engine::icp, laser::Engine::rbpf}) {
     configuration.laser.engine = engine;
     const std::string name = engine == laser::Engine::icp ? "icp" : "rbpf";
@@ -93,7 +93,7 @@ TEST_F(CoordinatedRun, sees_the_maps_of_helpers_as_they_grow) {
 TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {
   configuration.cloud.maps.thin = false;
   run("alone");
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   configuration.edges[1].until_s = 5.0;
   const Report report = run("gone");
   expect_same("alone", "gone", kMaps);
@@ -111,7 +111,7 @@ TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {
 }
 
 TEST_F(CoordinatedRun, expects_robots_to_map_where_the_mode_has_them_do) {
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   configuration.processors.robot = 0.01;
   const double offloaded_s = run("offload").coordination->decisions.back().expected_s;
   configuration.mode = Mode::onboard;
@@ -122,7 +122,7 @@ TEST_F(CoordinatedRun, expects_robots_to_map_where_the_mode_has_them_do) {
 }
 
 TEST_F(CoordinatedRun, expects_what_wires_and_processors_are_said_to_be) {
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   int runs = 0;
   const auto expected_s = [&](const char* model) {
     write_file(folder / "model.json", model);
@@ -151,7 +151,7 @@ TEST_F(CoordinatedRun, expects_what_wires_and_processors_are_said_to_be) {
 }
 
 TEST_F(CoordinatedRun, learns_of_a_robot_when_it_comes) {
-  configuration.coordinator.method = Coordination::greedy;
+  configuration.coordinator.method = scheduling::PlanMethod::greedy;
   configuration.robots[1].from_s = 6.0;
   const Report report = run("late");
   const auto& decisions = report.coordination->decisions;
@@ -192,7 +192,7 @@ TEST_F(CoordinatedRun, ends_when_a_log_is_cut) {
   write_file(folder / "beta.rawlog", std::string_view(bytes).substr(0, bytes.size() / 2));
   for (RobotEntry& entry : configuration.robots)
     if (entry.id == "beta") entry.log = folder / "beta.rawlog";
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   EXPECT_THROW(run("cut"), Error);
   EXPECT_FALSE(fs::exists(folder / "cut"));
 }

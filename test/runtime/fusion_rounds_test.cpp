@@ -124,7 +124,7 @@ TEST_F(RunInRounds, goes_with_robots_that_a_coordinator_moves) {
   for (RobotEntry& robot : configuration.robots) robot.edge.clear();
   configuration.edges = {{"north"}, {"south"}};
   configuration.edges[1].until_s = 9.0;
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   configuration.coordinator.overlap_period_s = 3.0;
   configuration.robots[1].from_s = 2.5;
   const Report before = run("without");

@@ -21,7 +21,7 @@ using testing::IsEmpty;
 
 RunConfiguration configuration_of_four() {
   RunConfiguration configuration;
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   configuration.coordinator.overlap_period_s = 5.0;
   configuration.live.lost_after_s = 30.0;
   configuration.edges = {{"north"}, {"south"}};

@@ -28,7 +28,7 @@ const fs::path& as_run_after_the_move() {
 
 struct LiveMoves : LiveTeam {
   LiveMoves() {
-    configuration.coordinator.method = Coordination::standard;
+    configuration.coordinator.method = scheduling::PlanMethod::standard;
     plan = make_plan(configuration, {});
     choose_sensors(plan, configuration, pool);
     options.speed = 20.0;

@@ -411,9 +411,9 @@ TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
   EXPECT_THAT(refusal_of(sharing, plan), testing::HasSubstr("server.across_edges"));
   sharing.server.across_edges = false;
   EXPECT_EQ(refusal_of(sharing, plan), "");
-  sharing.coordinator.method = Coordination::standard;
+  sharing.coordinator.method = scheduling::PlanMethod::standard;
   EXPECT_THAT(refusal_of(sharing, plan), testing::HasSubstr("a coordinator may move their robots"));
-  sharing.coordinator.method = Coordination::none;
+  sharing.coordinator.method = std::nullopt;
   sharing.robots.front().own.push_back({"rig.longest_gap_s", "0.4", false, "here"});
   EXPECT_THAT(refusal_of(sharing, make_plan(sharing, {})), testing::HasSubstr("different options of rig"));
   RunConfiguration moved = configuration;

@@ -123,9 +123,9 @@ TEST_F(LogPartsTest, are_refused_where_they_cannot_be) {
   configuration.mode = Mode::onboard;
   EXPECT_THAT(trouble(), HasSubstr("the robot maps itself"));
   configuration.mode = Mode::offload;
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   EXPECT_THAT(trouble(), HasSubstr("a coordinator gives each robot one edge"));
-  configuration.coordinator.method = Coordination::none;
+  configuration.coordinator.method = std::nullopt;
   configuration.robots[1].id = "alpha.2";
   EXPECT_THAT(trouble(), HasSubstr("called as a part of another robot"));
   configuration.robots[1].id = "beta";

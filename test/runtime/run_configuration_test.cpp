@@ -245,7 +245,7 @@ TEST(NameOfFile, is_fit_for_a_robot) {
 TEST_F(PlanTest, leaves_robots_to_the_coordinator_and_edges_without_robots) {
   configuration.robots = {{"alpha", "a.rawlog", ""}, {"beta", "b.rawlog", "south"}};
   configuration.edges = {{"north"}, {"south"}, {"west"}};
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   const RunPlan made = plan();
   EXPECT_EQ(made.edges.size(), 3u);
   EXPECT_TRUE(made.robots[0].edge.empty());
@@ -266,7 +266,7 @@ TEST_F(PlanTest, refuses_edges_that_cannot_be) {
   configuration.edges = {{"north"}};
   configuration.edges[0].capacity = 2;
   EXPECT_THAT(complaint(), HasSubstr("takes 2 robots, and 3 use it"));
-  configuration.coordinator.method = Coordination::standard;
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
   EXPECT_THAT(complaint(), HasSubstr("hold 2 of 3 robots"));
   configuration.edges[0].capacity = 0;
   configuration.edges[0].from_s = 5.0;

@@ -98,6 +98,16 @@ void expect_alone(const fs::path& goal) {
 
 }  // namespace
 
+bool is_file(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+bool is_folder(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_directory(path, ignored);
+}
+
 ReadableFile::ReadableFile(fs::path path) : path_(std::move(path)) {
   const auto fail = [this](const std::string& what, const std::string& remedy) {
     if (number_ >= 0) ::close(number_);

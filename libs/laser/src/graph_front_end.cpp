@@ -3,6 +3,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -36,11 +37,6 @@ constexpr double kGate = 9.0;          // squared: past three sigmas odometry is
 constexpr double kContradicted = 3.0;  // sigmas: as the gate; a turn that the match finds otherwise is the match's
 constexpr double kBestMatch_m2 = 2.5e-5, kBestMatch_rad2 = 7.6e-7;  // no match is surer than 5 mm and 0.05 degrees
 constexpr double kNoTime_s = 1e-3;                                  // scans as near in time have no speed
-
-Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
-  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_yaw_rad * sigma_yaw_rad))
-      .asDiagonal();
-}
 
 Pose2 scaled(const Pose2& motion, double factor) { return {motion.x * factor, motion.y * factor, motion.phi * factor}; }
 
@@ -318,8 +314,8 @@ Constraint FrontEnd::motion_constraint(const NodeId& id, const Step& step,
   const double missed = matched_motion ? std::abs(wrap_angle(matched_motion->phi - step.motion.phi)) : 0.0;
   const double prior_yaw = step.prior.sigma_yaw_rad;
   const double sigma_yaw = missed > kContradicted * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
-  const Eigen::Matrix3d known = step.from_odometry ? information_of(step.prior.sigma_m, sigma_yaw)
-                                                   : information_of(slow, step.from_unit ? sigma_yaw : slow);
+  const Eigen::Matrix3d known = step.from_odometry ? planar_information(step.prior.sigma_m, sigma_yaw)
+                                                   : planar_information(slow, step.from_unit ? sigma_yaw : slow);
   return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, known);
 }
 

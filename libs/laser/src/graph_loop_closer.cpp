@@ -72,16 +72,10 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   if (number < kNeighbours + 1) return;
 
   const auto uncertainty = uncertainty_from(number);
-  const auto middle = [&](std::size_t i) {
-    const Pose2& p = poses_[i];
-    const auto& c = submaps_[i].centre;
-    return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y,
-                          p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
-  };
-  const auto [x, y] = middle(number);
+  const auto [x, y] = centre_of(number);
   std::vector<std::pair<double, std::size_t>> near, alike;
   for (std::size_t i = 0; i + kNeighbours < number; ++i) {
-    const auto [ix, iy] = middle(i);
+    const auto [ix, iy] = centre_of(i);
     const double distance = std::hypot(ix - x, iy - y);
     const double reach = std::min(kReachSigmas * uncertainty[i].position_m, options_.loops.max_radius_m);
     const double extent = kOverlapping * std::min(kLargestRadius_m, submaps_[i].radius_m) +
@@ -227,6 +221,12 @@ void LaserLoopCloser::solve() {
   loops_ = std::move(kept);
 }
 
+std::pair<double, double> LaserLoopCloser::centre_of(std::size_t submap) const {
+  const Pose2& p = poses_[submap];
+  const auto& c = submaps_[submap].centre;
+  return {p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y, p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y};
+}
+
 void LaserLoopCloser::finish(const Map& map) {
   for (int round = 0; round < kFinishRounds; ++round) {
     bool found = false;
@@ -236,14 +236,8 @@ void LaserLoopCloser::finish(const Map& map) {
       std::vector<std::pair<double, std::size_t>> near;
       for (std::size_t a = 0; a + kNeighbours < b; ++a) {
         if (std::any_of(loops_.begin(), loops_.end(), [&](const Loop& l) { return l.a == a && l.b == b; })) continue;
-        const auto place = [&](std::size_t i) {
-          const Pose2& p = poses_[i];
-          const auto& c = submaps_[i].centre;
-          return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y,
-                                p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
-        };
-        const auto [ax, ay] = place(a);
-        const auto [bx, by] = place(b);
+        const auto [ax, ay] = centre_of(a);
+        const auto [bx, by] = centre_of(b);
         const double distance = std::hypot(ax - bx, ay - by);
         if (distance < kFinishApart_m && uncertainty[a].position_m < kFinishSigma_m) near.emplace_back(distance, a);
       }

@@ -5,6 +5,7 @@
 #include <mapweave/laser/graph_options.h>
 #include <mapweave/matching/model_cache.h>
 
+#include <utility>
 #include <vector>
 
 namespace mapweave::laser {
@@ -35,6 +36,7 @@ class LaserLoopCloser {
   struct Uncertainty {
     double position_m, yaw_rad;
   };
+  std::pair<double, double> centre_of(std::size_t submap) const;  // in the map
   // Of every submap as seen from `from`: along the path of least uncertainty through the graph.
   std::vector<Uncertainty> uncertainty_from(std::size_t from) const;
   bool search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map);

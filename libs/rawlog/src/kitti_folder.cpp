@@ -21,11 +21,6 @@ namespace {
 
 using Projection = std::array<double, 12>;  // row by row
 
-bool is_folder(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored);
-}
-
 // By their numbers: "000042.png" is 42.
 std::map<std::size_t, std::filesystem::path> pictures_in(const std::filesystem::path& folder,
                                                          const std::string& camera) {

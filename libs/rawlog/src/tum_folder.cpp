@@ -6,6 +6,7 @@
 #include "picture_lists.h"
 #include "say_once.h"
 
+#include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
 
@@ -56,11 +57,6 @@ const std::vector<KnownCamera>& known_cameras() {
       {"freiburg3", {535.4, 539.2, 320.1, 247.6}, {0.0, 0.0, 0.0, 0.0, 0.0}},
   };
   return cameras;
-}
-
-bool is_file(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_regular_file(path, ignored);
 }
 
 mrpt::poses::CPose3D pose_of(const CalibrationFile& camera) {

@@ -132,7 +132,7 @@ Report TeamRun::conclude(fusion::FusionResult team, const std::vector<std::strin
 // False: an interruption left robots without maps.
 bool TeamRun::map() {
   std::optional<CoordinatedRobots> coordinated;
-  if (configuration_.coordinator.method != Coordination::none) coordinated.emplace(configuration_, plan_);
+  if (configuration_.coordinator.method) coordinated.emplace(configuration_, plan_);
   std::optional<FusionRounds> rounds;
   if (configuration_.cloud.rounds.are_on()) rounds.emplace(configuration_, plan_);
   auto robots =
@@ -221,7 +221,7 @@ std::set<std::pair<MapId, MapId>> TeamRun::refused_maps() const {
 FrameRequest TeamRun::frame_request() const {
   std::vector<std::string> names;
   for (const PlannedRobot& robot : plan_.robots) names.insert(names.end(), {robot.id.str(), robot.robot().str()});
-  return parse_frame(configuration_.team.frame, with_names_of(starts_, std::move(names)),
+  return parse_frame(configuration_.team.frame, with_names_of(starts_.given, starts_.maps, std::move(names)),
                      {ErrorCode::kBadInput, "team.frame"});
 }
 

@@ -26,19 +26,11 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
   return model;
 }
 
-scheduling::PlanMethod method_of(const RunConfiguration& configuration) {
-  return static_cast<scheduling::PlanMethod>(static_cast<int>(configuration.coordinator.method) -
-                                             static_cast<int>(Coordination::standard));
-}
-static_assert(static_cast<int>(Coordination::exact) - static_cast<int>(Coordination::standard) ==
-                  static_cast<int>(scheduling::PlanMethod::exact),
-              "methods of a run are those of a plan");
-
 }  // namespace
 
 tiers::CoordinatorOptions coordinator_options(const RunConfiguration& configuration, const RunPlan& plan) {
   tiers::CoordinatorOptions options;
-  options.plan.method = method_of(configuration);
+  options.plan.method = configuration.coordinator.method.value();
   options.plan.seed = configuration.seed;
   options.plan.recslam = configuration.coordinator.recslam;
   options.plan.model = model_of(configuration, plan.model);
@@ -48,7 +40,7 @@ tiers::CoordinatorOptions coordinator_options(const RunConfiguration& configurat
 }
 
 std::string coordination_method(const RunConfiguration& configuration) {
-  return scheduling::plan_method_names().at(static_cast<std::size_t>(method_of(configuration)));
+  return scheduling::plan_method_names().at(static_cast<std::size_t>(configuration.coordinator.method.value()));
 }
 
 RobotComes announced(const RobotEntry& entry, const RobotId& robot, const TierId& edge, double route_range_m) {

@@ -24,6 +24,10 @@ struct GivenMap {
 };
 GivenMap given_map(const Map& own, const std::string& name, const MapIdentity& identity = {});
 
+// By which a frame can be asked for: `names`, and those of what was given, of its maps, and of their robots.
+std::vector<std::string> with_names_of(const std::vector<GivenMap>& given, const std::vector<Map>& maps,
+                                       std::vector<std::string> names = {});
+
 // What was given, in that order, and what was asked for.
 struct FrameChoice {
   FrameRequest request;

@@ -185,17 +185,8 @@ MergeRequests refused_by(const TeamMapOptions& team, const Origins& origins) {
   return requests;
 }
 
-// By the names of what was given, of its maps, and of their robots.
 FrameRequest frame_request(const std::string& text, const Inputs& inputs) {
-  std::vector<std::string> names;
-  for (const GivenMap& given : inputs.given) names.push_back(given.name);
-  for (const Map& map : inputs.maps) {
-    names.push_back(map.id.str());
-    if (const auto robots = map.robots(); robots.size() == 1) names.push_back(robots.front().str());
-  }
-  std::sort(names.begin(), names.end());
-  names.erase(std::unique(names.begin(), names.end()), names.end());
-  return parse_frame(text, names, {ErrorCode::kUsage, "--frame"});
+  return parse_frame(text, with_names_of(inputs.given, inputs.maps), {ErrorCode::kUsage, "--frame"});
 }
 
 }  // namespace

@@ -8,17 +8,14 @@ namespace mapweave::runtime {
 namespace {
 
 using Json = nlohmann::json;
+using scheduling::field;
 using scheduling::member;
 using scheduling::refuse;
 
 constexpr double kMost = 1e15;
 
-double field(const Json& object, const char* name, const std::string& where, const std::string& key) {
-  if (!object.is_object()) refuse("an object was expected", where, key, "");
-  return scheduling::number(member(object, name, where, key), 0.0, kMost, false, where, key + "." + name);
-}
 std::uint64_t count(const Json& object, const char* name, const std::string& where, const std::string& key) {
-  return static_cast<std::uint64_t>(field(object, name, where, key));
+  return static_cast<std::uint64_t>(field(object, name, kMost, where, key));
 }
 const Json& list(const Json& object, const char* name, const std::string& where) {
   const Json& value = member(object, name, where, "timeline");
@@ -46,13 +43,13 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     RobotWork done;
     done.id = RobotId(scheduling::name(member(robot, "id", where, key), where, key + ".id"));
     done.edge = TierId(name_or_nothing(member(robot, "edge", where, key), where, key + ".edge"));
-    done.log_s = field(robot, "log_seconds", where, key);
-    done.packing_s = field(robot, "packing_cpu_seconds", where, key);
-    done.mapping_s = field(robot, "mapping_cpu_seconds", where, key);
-    done.seeing_s = field(robot, "seeing_cpu_seconds", where, key);
+    done.log_s = field(robot, "log_seconds", kMost, where, key);
+    done.packing_s = field(robot, "packing_cpu_seconds", kMost, where, key);
+    done.mapping_s = field(robot, "mapping_cpu_seconds", kMost, where, key);
+    done.seeing_s = field(robot, "seeing_cpu_seconds", kMost, where, key);
     done.sensed_bytes = count(robot, "sensed_bytes", where, key);
     done.map_bytes = count(robot, "map_bytes", where, key);
-    done.repeated_s = field(robot, "repeated_cpu_seconds", where, key);
+    done.repeated_s = field(robot, "repeated_cpu_seconds", kMost, where, key);
     done.repeated_bytes = count(robot, "repeated_bytes", where, key);
     work.robots.push_back(done);
   }
@@ -61,7 +58,7 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     if (!edge.is_object()) refuse("an object was expected", where, key, "");
     EdgeWork done;
     done.id = TierId(scheduling::name(member(edge, "id", where, key), where, key + ".id"));
-    done.fusing_s = field(edge, "fusing_cpu_seconds", where, key);
+    done.fusing_s = field(edge, "fusing_cpu_seconds", kMost, where, key);
     done.bytes = count(edge, "bytes", where, key);
     done.speed = scheduling::number(member(edge, "speed", where, key), 0.0, kMost, true, where, key + ".speed");
     if (edge.contains("sent_scans")) {
@@ -72,13 +69,13 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     }
     done.sent_bytes = count(edge, "lent_bytes", where, key);
     done.judged_bytes = count(edge, "judged_bytes", where, key);
-    done.judging_s = field(edge, "judging_cpu_seconds", where, key);
+    done.judging_s = field(edge, "judging_cpu_seconds", kMost, where, key);
     work.edges.push_back(done);
   }
   const Json& cloud = member(line, "cloud", where, "timeline");
-  work.fusing_s = field(cloud, "fusing_cpu_seconds", where, "timeline.cloud");
+  work.fusing_s = field(cloud, "fusing_cpu_seconds", kMost, where, "timeline.cloud");
   if (cloud.contains("planning_cpu_seconds"))
-    work.planning_s = field(cloud, "planning_cpu_seconds", where, "timeline.cloud");
+    work.planning_s = field(cloud, "planning_cpu_seconds", kMost, where, "timeline.cloud");
   for (const Json& push : list(line, "pushes", where)) {
     const std::string key = "timeline.pushes";
     if (!push.is_object()) refuse("an object was expected", where, key, "");
@@ -94,7 +91,7 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
                              scheduling::number(overlap[2], 0.0, 0.5, false, where, key)});
   }
   if (line.contains("rounds")) work.rounds = read_rounds(line["rounds"], where);
-  if (recorded_s != nullptr) *recorded_s = field(line, "recorded_seconds", where, "timeline");
+  if (recorded_s != nullptr) *recorded_s = field(line, "recorded_seconds", kMost, where, "timeline");
   return work;
 }
 

@@ -109,12 +109,6 @@ Json audit_json(const fusion::PairAudit* audit) {
           {"taken_apart", audit->is_ghost}};
 }
 
-Json names_json(const std::vector<MapId>& ids) {
-  Json names = Json::array();
-  for (const MapId& id : ids) names.push_back(id.str());
-  return names;
-}
-
 Json merge_json(const TeamMerge& merge) {
   return {{"of", names_json(merge.of)}, {"with", names_json(merge.with)}, {"probability", merge.probability}};
 }
@@ -360,6 +354,12 @@ Json merges_json(const Report& report) {
   for (const Verdict& verdict : report.team.verdicts)
     merges.push_back(verdict_json(report.team.tier, verdict, audit_of(report.team, verdict)));
   return merges;
+}
+
+Json names_json(const std::vector<MapId>& ids) {
+  Json names = Json::array();
+  for (const MapId& id : ids) names.push_back(id.str());
+  return names;
 }
 
 Json json_of(const tiers::CoordinatorDecision& decision) {

@@ -18,6 +18,8 @@ struct PassedOn {
 };
 std::vector<PassedOn> passed_on(const Report&);
 
+nlohmann::ordered_json names_json(const std::vector<MapId>&);
+
 // What a coordinator decided: as in summary.json; and "(maps have grown): alpha to north; map expected complete ...".
 nlohmann::ordered_json json_of(const tiers::CoordinatorDecision&);
 std::string in_words(const tiers::CoordinatorDecision&, const char* nowhere = "itself, on board");

@@ -1,5 +1,7 @@
 // Rounds as JSON and in words.
 
+#include "report_parts.h"
+
 #include <mapweave/core/format.h>
 #include <mapweave/runtime/json_text.h>
 #include <mapweave/runtime/rounds.h>
@@ -13,12 +15,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 using scheduling::member;
 using scheduling::refuse;
-
-Json names_json(const std::vector<MapId>& ids) {
-  Json names = Json::array();
-  for (const MapId& id : ids) names.push_back(id.str());
-  return names;
-}
 
 Json joint_json(const RoundWork::Fused& fused) {
   Json joint = Json::array();

@@ -79,7 +79,7 @@ void expect_edges_of(const RobotEntry& robot, const RunConfiguration& configurat
   if (!robot.edge.empty())
     throw Error(ErrorCode::kBadInput, "robot '" + name_of(robot) + "' has both `edge` and `edges`", where,
                 "leave out one of them");
-  if (configuration.coordinator.method != Coordination::none)
+  if (configuration.coordinator.method)
     throw Error(ErrorCode::kBadInput, "a coordinator gives each robot one edge", where,
                 "leave out the robot's `edges`, or the coordinator");
   if (configuration.mode != Mode::offload && robot.edges.size() > 1)
@@ -198,7 +198,7 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
   for (std::size_t i = 0; i < configuration.cloud.push_to.size(); ++i)
     expect_known(configuration.cloud.push_to[i], robots, "robot",
                  origins.place_of("cloud.push_to." + std::to_string(i)), "name a robot of this run");
-  if (configuration.coordinator.method != Coordination::none && configuration.mode == Mode::cloud_only)
+  if (configuration.coordinator.method && configuration.mode == Mode::cloud_only)
     throw Error(ErrorCode::kBadInput, "a coordinator gives robots to edges, and mode cloud-only has none",
                 origins.place_of("coordinator.method"), "leave out one of them");
   constexpr double kShortestRound_s = 0.1;  // about a scan
@@ -212,7 +212,7 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
     if (entry.until_s > 0.0 && entry.until_s <= entry.from_s)
       throw Error(ErrorCode::kBadInput, "edge '" + entry.id + "' goes before it comes", origins.place_of("edges"),
                   "let until_s be later than from_s, or 0 where it stays");
-    if (configuration.coordinator.method != Coordination::none) continue;
+    if (configuration.coordinator.method) continue;
     std::uint64_t robots_there = 0;
     for (const PlannedRobot& robot : plan.robots) robots_there += robot.edge == plan.edges[i];
     if (entry.capacity > 0 && robots_there > static_cast<std::uint64_t>(entry.capacity))
@@ -335,7 +335,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins,
             [](const PlannedRobot& a, const PlannedRobot& b) { return a.id < b.id; });
 
   const std::vector<std::string> edges = edge_names(configuration, origins);
-  const bool is_coordinated = configuration.coordinator.method != Coordination::none;
+  const bool is_coordinated = configuration.coordinator.method.has_value();
   std::size_t turn = 0;
   std::set<TierId> used;
   for (PlannedRobot& robot : plan.robots) {

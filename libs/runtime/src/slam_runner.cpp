@@ -102,7 +102,8 @@ void SlamRun::map() {
 }
 
 FrameRequest SlamRun::frame_request() const {
-  return parse_frame(configuration_.team.frame, with_names_of(starts_, {given_.robots.front().id.str()}),
+  return parse_frame(configuration_.team.frame,
+                     with_names_of(starts_.given, starts_.maps, {given_.robots.front().id.str()}),
                      {ErrorCode::kBadInput, "team.frame"});
 }
 

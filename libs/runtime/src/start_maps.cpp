@@ -262,17 +262,6 @@ StartMaps read_start_maps(const RunConfiguration& configuration, const RunPlan& 
   return starts;
 }
 
-std::vector<std::string> with_names_of(const StartMaps& starts, std::vector<std::string> names) {
-  for (const GivenMap& given : starts.given) names.push_back(given.name);
-  for (const Map& map : starts.maps) {
-    names.push_back(map.id.str());
-    if (const auto robots = map.robots(); robots.size() == 1) names.push_back(robots.front().str());
-  }
-  std::sort(names.begin(), names.end());
-  names.erase(std::unique(names.begin(), names.end()), names.end());
-  return names;
-}
-
 void expect_same_senses(const StartMaps& starts, const RunPlan& plan) {
   bool have_scans = false, have_cameras = false;
   for (const PlannedRobot& robot : plan.robots) {

@@ -34,9 +34,6 @@ struct StartMaps {
 // and for one without a unit of length (of single cameras).
 StartMaps read_start_maps(const RunConfiguration&, const RunPlan&);
 
-// By which a frame can be asked for: those of what was given, of its maps, and of their robots.
-std::vector<std::string> with_names_of(const StartMaps&, std::vector<std::string> names);
-
 // Throws Error(kBadInput) for maps of other sensors than any robot maps with. After choose_sensors().
 void expect_same_senses(const StartMaps&, const RunPlan&);
 

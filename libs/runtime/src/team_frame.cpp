@@ -184,6 +184,18 @@ std::string in_words(const TeamFrame& frame) {
   return text;
 }
 
+std::vector<std::string> with_names_of(const std::vector<GivenMap>& given, const std::vector<Map>& maps,
+                                       std::vector<std::string> names) {
+  for (const GivenMap& one : given) names.push_back(one.name);
+  for (const Map& map : maps) {
+    names.push_back(map.id.str());
+    if (const auto robots = map.robots(); robots.size() == 1) names.push_back(robots.front().str());
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
 GivenMap given_map(const Map& own, const std::string& name, const MapIdentity& identity) {
   GivenMap given{name, identity, {{own.id, {}}}};
   std::size_t place = 0;

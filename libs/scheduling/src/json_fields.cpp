@@ -75,6 +75,11 @@ double number(const Json& value, double low, double high, bool above_low, const 
   return given;
 }
 
+double field(const Json& object, const char* name, double most, const std::string& where, const std::string& key) {
+  if (!object.is_object()) refuse("an object was expected", where, key, "");
+  return number(member(object, name, where, key), 0.0, most, false, where, key + "." + name);
+}
+
 std::string name(const Json& value, const std::string& where, const std::string& key) {
   if (!value.is_string()) refuse(std::string("a name was expected, not ") + value.type_name(), where, key, "");
   const auto text = value.get<std::string>();

@@ -1,20 +1,13 @@
 #include <mapweave/scheduling/plan.h>
 
 #include <mapweave/core/error.h>
-
-#include <time.h>
+#include <mapweave/core/stopwatch.h>
 
 #include <algorithm>
 #include <limits>
 
 namespace mapweave::scheduling {
 namespace {
-
-double processor_seconds() {  // of this thread
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 Groups members_of(const GroupOf& group_of, std::size_t groups) {
   Groups members(groups);
@@ -120,7 +113,7 @@ const std::vector<std::string>& plan_method_names() {
 Plan make_plan(const Problem& problem, const PlanOptions& options) {
   MAPWEAVE_EXPECT(options.edges_per_robot >= 1, "every robot has an edge");
   const Latency latency(problem, options.model);
-  const double start = processor_seconds();
+  const double start = thread_cpu_seconds();
   Groups groups = grouped(problem, options);
   const std::vector<std::uint32_t> edge_of = placed(latency, groups, options.method);
   Plan plan;
@@ -135,7 +128,7 @@ Plan make_plan(const Problem& problem, const PlanOptions& options) {
     robots_at[edge_of[group]] = groups[group];
   }
   if (options.edges_per_robot > 1) offload_to_further_edges(latency, options.edges_per_robot, plan, robots_at);
-  plan.algorithm_seconds = processor_seconds() - start;
+  plan.algorithm_seconds = thread_cpu_seconds() - start;
   groups.erase(std::remove_if(groups.begin(), groups.end(), [](const auto& group) { return group.empty(); }),
                groups.end());
   std::sort(groups.begin(), groups.end());

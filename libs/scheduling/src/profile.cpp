@@ -43,11 +43,6 @@ const Json& list(const Json& root, const char* name, const std::string& where) {
   return value;
 }
 
-double field(const Json& object, const char* name, const std::string& where, const std::string& key) {
-  if (!object.is_object()) refuse("an object was expected", where, key, "");
-  return number(member(object, name, where, key), 0.0, kMost, false, where, key + "." + name);
-}
-
 std::string text(const Json& object, const char* name, const std::string& where, const std::string& key) {
   if (!object.is_object()) refuse("an object was expected", where, key, "");
   const Json& value = member(object, name, where, key);
@@ -65,7 +60,7 @@ std::map<std::string, RobotOfRun> robots_of(const Json& root, const std::string&
   std::map<std::string, RobotOfRun> robots;
   for (const Json& given : list(root, "robots", where)) {
     RobotOfRun robot;
-    robot.scans = field(given, "scans", where, "robots");
+    robot.scans = field(given, "scans", kMost, where, "robots");
     const Json& mapped = member(given, "mapped", where, "robots");
     if (!mapped.is_boolean()) refuse("true or false was expected", where, "robots.mapped", "");
     robot.mapped = mapped.get<bool>();
@@ -83,10 +78,10 @@ Sample of_fusion(const FusedScans& fused, double seconds) {
 
 void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const std::string& where, Samples& samples) {
   constexpr const char* kKey = "timeline.robots";
-  const double scans = robot.scans, packing_s = field(line, "packing_cpu_seconds", where, kKey),
-               mapping_s = field(line, "mapping_cpu_seconds", where, kKey),
-               sensed_bytes = field(line, "sensed_bytes", where, kKey),
-               map_bytes = field(line, "map_bytes", where, kKey);
+  const double scans = robot.scans, packing_s = field(line, "packing_cpu_seconds", kMost, where, kKey),
+               mapping_s = field(line, "mapping_cpu_seconds", kMost, where, kKey),
+               sensed_bytes = field(line, "sensed_bytes", kMost, where, kKey),
+               map_bytes = field(line, "map_bytes", kMost, where, kKey);
   if (!robot.mapped || scans == 0.0) return;
   samples.scans += scans;
   samples.robots += 1.0;
@@ -133,7 +128,7 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
     const auto robot = robots.find(text(line, "id", where, "timeline.robots"));
     if (robot == robots.end()) refuse("a robot that is not among the robots of the run", where, "timeline.robots", "");
     add_robot(line, robot->second, mode == "offload", where, samples);
-    map_bytes[robot->second.edge] += field(line, "map_bytes", where, "timeline.robots");
+    map_bytes[robot->second.edge] += field(line, "map_bytes", kMost, where, "timeline.robots");
   }
   const bool cloud_only = mode == "cloud-only";
   std::map<std::string, FusedScans> at;  // by edge; where there are none, by robot
@@ -158,10 +153,10 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
   samples.cameras = samples.cameras || anybody_sees;
   double longest_judging_s = 0.0;
   for (const Json& line : list(timeline, "edges", where)) {
-    longest_judging_s = std::max(longest_judging_s, field(line, "judging_cpu_seconds", where, "timeline.edges"));
+    longest_judging_s = std::max(longest_judging_s, field(line, "judging_cpu_seconds", kMost, where, "timeline.edges"));
     const std::string id = text(line, "id", where, "timeline.edges");
-    const double seconds = field(line, "fusing_cpu_seconds", where, "timeline.edges");
-    const double bytes = field(line, "bytes", where, "timeline.edges");
+    const double seconds = field(line, "fusing_cpu_seconds", kMost, where, "timeline.edges");
+    const double bytes = field(line, "bytes", kMost, where, "timeline.edges");
     if (const auto fused = at.find(id); fused != at.end() && fused->second.scans > 0.0 && !sees[id]) {
       samples.edge_fusion_s.push_back(of_fusion(fused->second, seconds));
       samples.edge_bytes.push_back({map_bytes[id], bytes, {map_bytes[id]}});
@@ -170,7 +165,7 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
     }
   }
   const double seconds = longest_judging_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds",
-                                                   where, "timeline.cloud");
+                                                   kMost, where, "timeline.cloud");
   for (const auto& [ignored, fused] : at) all.add(fused.scans);
   if (longest_judging_s > 0.0) all.share_out(static_cast<double>(at.size()));
   if (all.scans > 0.0 && !anybody_sees) samples.cloud_fusion_s.push_back(of_fusion(all, seconds));

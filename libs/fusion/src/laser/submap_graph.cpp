@@ -16,11 +16,6 @@ constexpr double kRevisit_m = 0.05, kRevisit_rad = 0.006;
 constexpr std::size_t kFewestScans = 8;  // matched again in another submap, for a revisit
 constexpr std::size_t kNextOnes = 2;     // submaps this near along a trajectory share scans
 
-Eigen::Matrix3d information_of(double sigma_m, double sigma_rad) {
-  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
-      .asDiagonal();
-}
-
 Eigen::Matrix3d softened(const Eigen::Matrix3d& information) {
   const Eigen::Matrix3d soft =
       (Eigen::Matrix3d::Identity() + information * submap_bend_covariance()).inverse() * information;
@@ -98,7 +93,7 @@ void SubmapGraph::add_own_edges(std::size_t map) {
   }
   for (const auto& [pair, count] : scans)
     if (pair.second - pair.first > 1 && count >= fewest)
-      add(pair.first, pair.second, information_of(kRevisit_m, kRevisit_rad), pair.second - pair.first > kNextOnes);
+      add(pair.first, pair.second, planar_information(kRevisit_m, kRevisit_rad), pair.second - pair.first > kNextOnes);
 }
 
 bool SubmapGraph::is_constrained(std::size_t one, std::size_t other) const {

@@ -26,7 +26,7 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
     refuse("robots, edges and a cloud that are programs of their own need edges that merge", "mode",
            "set mode: offload, or onboard where robots map themselves");
   if (shares_cameras(configuration)) {
-    if (configuration.coordinator.method != Coordination::none)
+    if (configuration.coordinator.method)
       refuse("cameras that share while they drive stay at their edge, and a coordinator may move their robots",
              "server.share", "set share: none, or coordinator.method: none");
     std::set<TierId> edges;
@@ -37,7 +37,7 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
              "server.across_edges", "set across_edges: false, or give all robots one edge");
     expect_one_rig(configuration, plan);
   }
-  if (configuration.coordinator.method != Coordination::none)
+  if (configuration.coordinator.method)
     for (const EdgeEntry& edge : configuration.edges)
       if (!edge.broker.empty())
         refuse("a coordinator gives robots to other edges, which have one broker for all", "edges.broker",

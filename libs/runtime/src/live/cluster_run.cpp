@@ -166,7 +166,7 @@ void expect_cluster(const RunConfiguration& configuration, const RunPlan& plan) 
   if (configuration.server.share != tiers::Sharing::none)
     refuse("cameras that share while they map are mapped by one program", "server.share",
            "set share: none, or run without --cluster");
-  if (configuration.coordinator.method != Coordination::none)
+  if (configuration.coordinator.method)
     refuse("a coordinator maps all robots in one program", "coordinator.method",
            "set method: none, or run without --cluster");
   if (configuration.cloud.rounds.are_on())

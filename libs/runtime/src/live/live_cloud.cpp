@@ -1,6 +1,7 @@
 #include "live_cloud_state.h"
 
 #include <mapweave/core/log.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/tiers/subjects.h>
 #include <mapweave/transport/in_process_channel.h>
 
@@ -15,11 +16,6 @@ constexpr std::chrono::milliseconds kStep{20};
 constexpr std::size_t kMostLinks = 1000, kMostInFlight = std::size_t{64} << 20;
 constexpr std::size_t kMostSaid = 4096;  // messages of one edge that may wait to be merged
 constexpr char kEdge[] = "edge", kCloud[] = "cloud";
-
-std::int64_t now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 bool is_of_preview(const std::string& what) {
   return what == subject::kPreviewUpdate || what == subject::kPreviewMerged || what == subject::kPreviewEnd;
@@ -52,7 +48,7 @@ LiveCloud::State::State(const LiveSite& of, const RunSettings& how)
       settings(how),
       agreement(agreement_of(of.configuration)),
       began(now_ns()),
-      is_coordinated(of.configuration.coordinator.method != Coordination::none),
+      is_coordinated(of.configuration.coordinator.method.has_value()),
       plan(of.plan),
       team(site.configuration, site.plan, settings, site.pool, site.progress),
       rounds(cloud_tier(), site.configuration.fusion) {

@@ -3,6 +3,7 @@
 #include "../team_options.h"
 
 #include <mapweave/core/log.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/tiers/subjects.h>
 #include <mapweave/transport/in_process_channel.h>
@@ -35,11 +36,6 @@ std::unique_ptr<LiveMapServer> map_server_of(const TierId& edge, const LiveSite&
   return server;
 }
 
-std::int64_t now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
 }  // namespace
 
 LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
@@ -48,7 +44,7 @@ LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
       to_cloud(std::move(connect)),
       agreement(agreement_of(of.configuration)),
       began(now_ns()),
-      is_coordinated(of.configuration.coordinator.method != Coordination::none) {
+      is_coordinated(of.configuration.coordinator.method.has_value()) {
   std::string names;
   for (const TierId& one : site.plan.edges) names += (names.empty() ? "" : ", ") + one.str();
   const bool is_known = std::find(site.plan.edges.begin(), site.plan.edges.end(), edge) != site.plan.edges.end();

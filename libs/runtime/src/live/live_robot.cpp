@@ -72,7 +72,7 @@ struct LiveRobot::State {
         options(live),
         connect(std::move(to_edge)),
         sensor(sensor_of(planned)),
-        is_coordinated(all.coordinator.method != Coordination::none),
+        is_coordinated(all.coordinator.method.has_value()),
         edge(planned.edge),
         agreement(agreement_of(all)) {
     if (!shares_cameras(configuration) || planned.sensors.cameras.empty() || !to_map_server) return;

@@ -184,7 +184,7 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
     allow(user, of_cloud(edge), transport::nats_token(edge.str()), Side::opens, domain.empty() ? "" : kHubDomain);
     allow_board(user, kBoard, {"INFO", "CREATE"});
   }
-  const bool is_coordinated = configuration.coordinator.method != Coordination::none;
+  const bool is_coordinated = configuration.coordinator.method.has_value();
   for (const PlannedRobot& robot : plan.robots) {
     if (!(robot.edge.empty() ? is_coordinated : is_here(robot.edge))) continue;
     transport::BrokerUser& user = users.emplace_back(new_user("robot-" + robot.id.str()));

@@ -10,6 +10,10 @@
 
 namespace mapweave {
 
+// False also where the system does not say.
+bool is_file(const std::filesystem::path&);
+bool is_folder(const std::filesystem::path&);
+
 // A file to read, or a pipe that somebody writes to; one without a writer is not waited for longer than a second.
 class ReadableFile {
  public:

@@ -1,7 +1,8 @@
 #pragma once
-// Wall time, for reports and progress. Never part of a sealed result.
+// Clocks, for reports, progress and names of runs. Never part of a sealed result.
 
 #include <chrono>
+#include <cstdint>
 
 namespace mapweave {
 
@@ -19,5 +20,8 @@ class Stopwatch {
   using Clock = std::chrono::steady_clock;
   Clock::time_point start_ = Clock::now();
 };
+
+double thread_cpu_seconds();  // of the calling thread, since it began
+std::int64_t now_ns();        // since 1970
 
 }  // namespace mapweave

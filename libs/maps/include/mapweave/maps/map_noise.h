@@ -14,11 +14,15 @@ inline constexpr double kPathDrift_per_m =
     0.02;  // of a path that bends one way all along; from one submap to the next: half of it
 inline constexpr double kSubmapTurn_rad = 0.008;
 
+inline Eigen::Matrix3d planar_information(double sigma_m, double sigma_rad) {
+  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
+      .asDiagonal();
+}
+
 inline Eigen::Matrix3d submap_step_information(double length_m, double drift_per_m = kPathDrift_per_m,
                                                double turn_rad = kSubmapTurn_rad) {
   const double sigma_m = kSubmapStep_m + 0.5 * drift_per_m * length_m;
-  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (turn_rad * turn_rad))
-      .asDiagonal();
+  return planar_information(sigma_m, turn_rad);
 }
 
 // Submaps bend a little when the nodes in them move on their own: no match of two of them, within a robot's map or

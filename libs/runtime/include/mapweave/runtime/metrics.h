@@ -1,11 +1,13 @@
 #pragma once
 // What a run costs. Never part of a sealed result.
 
+#include <mapweave/core/stopwatch.h>
+
 #include <cstdint>
 
 namespace mapweave::runtime {
 
-double thread_cpu_seconds();   // of the calling thread, since it began
+using mapweave::thread_cpu_seconds;
 double process_cpu_seconds();  // of all threads, and not of children
 std::uint64_t rss_bytes();     // resident size of this process; 0 where the system does not say
 // Largest resident size so far: of this process, and of the largest child process that has ended on top of it.

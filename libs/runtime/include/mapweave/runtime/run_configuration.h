@@ -17,7 +17,7 @@
 #include <mapweave/runtime/live_options.h>
 #include <mapweave/runtime/sensor_kinds.h>
 #include <mapweave/runtime/timeline.h>
-#include <mapweave/scheduling/grouping.h>
+#include <mapweave/scheduling/plan.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
 #include <mapweave/visual/client_options.h>
@@ -153,23 +153,21 @@ struct TeamMapOptions {
 };
 
 // Which robot to which edge, in `run`.
-enum class Coordination { none, standard, recslam, greedy, random, metis, exact };
-
 struct CoordinatorEntry {
-  Coordination method = Coordination::none;
+  std::optional<scheduling::PlanMethod> method;  // none: there is no coordinator
   std::string at, model;
   double overlap_period_s = 10.0, hysteresis = 0.1, route_range_m = 6.0;
   scheduling::RecslamOptions recslam;
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("method", method,
-             {{"none", Coordination::none},
-              {"default", Coordination::standard},
-              {"recslam", Coordination::recslam},
-              {"greedy", Coordination::greedy},
-              {"random", Coordination::random},
-              {"metis", Coordination::metis},
-              {"exact", Coordination::exact}},
+             {{"none", std::nullopt},
+              {"default", scheduling::PlanMethod::standard},
+              {"recslam", scheduling::PlanMethod::recslam},
+              {"greedy", scheduling::PlanMethod::greedy},
+              {"random", scheduling::PlanMethod::random},
+              {"metis", scheduling::PlanMethod::metis},
+              {"exact", scheduling::PlanMethod::exact}},
              "how robots are grouped on edges (see: mapweave plan --help); none: there is no coordinator, and edges "
              "are as robots name "
              "them, or in turn");

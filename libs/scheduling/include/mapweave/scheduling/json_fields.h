@@ -22,6 +22,9 @@ const nlohmann::json& member(const nlohmann::json& object, const char* name, con
 // A finite number in [low, high]; above_low: low itself is refused.
 double number(const nlohmann::json&, double low, double high, bool above_low, const std::string& where,
               const std::string& key);
+// Of the object's field `name`, in [0, most].
+double field(const nlohmann::json& object, const char* name, double most, const std::string& where,
+             const std::string& key);
 std::string name(const nlohmann::json&, const std::string& where, const std::string& key);  // is_valid_name
 
 }  // namespace mapweave::scheduling
