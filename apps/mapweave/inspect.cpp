@@ -134,7 +134,10 @@ Json of_map(const mapdb::StoredMapSummary& map) {
                 {"min_y_m", map.min_y_m},
                 {"max_x_m", map.max_x_m},
                 {"max_y_m", map.max_y_m}};
-  if (map.bytes > 0) shown["bytes"] = map.bytes, shown["stored_bytes"] = map.stored_bytes;
+  if (map.bytes > 0) {
+    shown["bytes"] = map.bytes;
+    shown["stored_bytes"] = map.stored_bytes;
+  }
   shown["content"] = to_hex(map.content);
   shown["sessions"] = sessions;
   return shown;

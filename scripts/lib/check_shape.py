@@ -327,7 +327,7 @@ class Source:
             {"=", "+=", "-=", "++", "--", "<<"} & set(piece) for piece in [signs[0][:signs[0].index("<<")], *signs[1:]])
 
     def is_declaration(self, start, end):
-        """A type, which may be qualified and have template arguments, and a name after it."""
+        """A type, which may be qualified and have template arguments, and a name after it: `at[place] = x, ...` is none."""
         if self.text_of[start] in STARTS_DECLARATION:
             return True
         at = start
@@ -346,7 +346,7 @@ class Source:
                 break
         while at < end and self.text_of[at] in ("*", "&", "&&", "const"):
             at += 1
-        return at < end and (self.tokens[at].kind == "word" or self.text_of[at] == "[")
+        return at < end and self.tokens[at].kind == "word"
 
 
 def sources():

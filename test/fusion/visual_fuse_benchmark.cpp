@@ -82,8 +82,10 @@ void measure(const fusion::FusionInput& input, int rounds, const FeatureTeam* si
     processor.push_back(static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC);
     wall.push_back(0.0);
     stages.resize(result.stages.size());
-    for (std::size_t i = 0; i < stages.size(); ++i)
-      stages[i].push_back(result.stages[i].seconds), wall.back() += result.stages[i].seconds;
+    for (std::size_t i = 0; i < stages.size(); ++i) {
+      stages[i].push_back(result.stages[i].seconds);
+      wall.back() += result.stages[i].seconds;
+    }
   }
   std::size_t keyframes = 0, landmarks = 0;
   for (const Map& map : input.maps) {

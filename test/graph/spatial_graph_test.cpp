@@ -46,7 +46,10 @@ TEST(SpatialGraph, spreads_the_gap_of_a_loop_evenly) {
   // A straight path of ten steps, each measured 1 m; the loop says that the end is 10.5 m away.
   std::vector<Pose3> poses(11);
   std::vector<SpatialEdge> edges;
-  for (std::uint32_t i = 0; i < 10; ++i) poses[i + 1].t.x() = i + 1.0, edges.push_back(edge_of(poses, i, i + 1));
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    poses[i + 1].t.x() = i + 1.0;
+    edges.push_back(edge_of(poses, i, i + 1));
+  }
   edges.push_back(
       {0, 10, {{10.5, 0, 0}, Eigen::Quaterniond::Identity()}, 1e6 * Eigen::Matrix<double, 6, 6>::Identity()});
   const SpatialSolution solution = solve(poses, edges);

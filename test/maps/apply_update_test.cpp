@@ -276,7 +276,9 @@ TEST_F(ApplyTest, changes_nothing_where_something_would_be_left_hanging) {
   whole.origin.map = map_.id;
   remove(whole, gone);
   std::vector<MapUpdate> hanging(3, whole);
-  hanging[0].removed_submaps.clear(), hanging[1].removed_constraints.clear(), hanging[2].removed_landmarks.clear();
+  hanging[0].removed_submaps.clear();
+  hanging[1].removed_constraints.clear();
+  hanging[2].removed_landmarks.clear();
   const Map as_it_was = map_;
   const std::string before = bytes_of(map_);
   for (const MapUpdate& update : hanging) {

@@ -317,7 +317,7 @@ nlohmann::ordered_json lockstep(const std::vector<RecordedMessage>& all, std::si
     }
   }
   row["sealed_components"] = sealed.components.size();
-  row["from_seal_m"] = live.empty() ? 0.0 : std::sqrt(square / static_cast<double>(live.size())),
+  row["from_seal_m"] = live.empty() ? 0.0 : std::sqrt(square / static_cast<double>(live.size()));
   row["most_from_seal_m"] = most_m;
   return row;
 }
@@ -355,7 +355,8 @@ nlohmann::ordered_json team(std::size_t clients, double seconds) {
     borrowed += camera.finish(std::chrono::seconds(10)).borrowed_seen();
     dropped += camera.dropped();
   }
-  row["dropped"] = dropped, row["borrowed_seen"] = borrowed;
+  row["dropped"] = dropped;
+  row["borrowed_seen"] = borrowed;
   const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
   for (const fusion::StageTime& stage : joined.stages) row["last_merge_s"][stage.name] = stage.seconds;

@@ -175,7 +175,8 @@ nlohmann::json apartment(int robots) {
       report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s, alone_m(unheard.robots));
   std::size_t loops = 0;
   for (const auto& robot : unheard.robots) loops += robot.client->loops().size();
-  row["published"] = parts.json(), row["loops_alone"] = loops;
+  row["published"] = parts.json();
+  row["loops_alone"] = loops;
   return row;
 }
 

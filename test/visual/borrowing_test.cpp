@@ -154,7 +154,10 @@ TEST(Borrowing, holds_no_more_than_it_needs) {
   Drive drive;
   drive.run(20, [](const Pose3&) {});
   std::vector<DescribedLandmark> flood(20000, server().under(drive.corridor.camera, along(0.0)).front());
-  for (std::uint32_t i = 0; i < flood.size(); ++i) flood[i].id.index = i, flood[i].point_in_map.x() = -500.0 - i;
+  for (std::uint32_t i = 0; i < flood.size(); ++i) {
+    flood[i].id.index = i;
+    flood[i].point_in_map.x() = -500.0 - i;
+  }
   drive.client.borrow(place_of("beta"), 0, flood);
   EXPECT_LE(drive.client.borrowed(), 3000U);
   drive.run(320, [](const Pose3&) {});

@@ -163,10 +163,12 @@ class Server {
         std::vector<Message> messages;
         do messages.push_back(robots[i].receive());
         while (messages.back().kind != Kind::over && messages.back().kind != Kind::end);
-        if (messages.back().kind == Kind::end)
-          ended[i] = true, --left;
-        else
+        if (messages.back().kind == Kind::end) {
+          ended[i] = true;
+          --left;
+        } else {
           answer(robots[i], sessions_[i], messages);
+        }
       }
       server_.advance(now_, pool_);
       if (!begun_) begun_ = now_;

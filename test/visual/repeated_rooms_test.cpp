@@ -62,8 +62,10 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
   }
   client.finish();
   std::map<int, std::vector<matching::PointPair>> pairs;
-  for (const PlacedFrame& placed : client.trajectory())
-    pairs[placed.session].push_back({truth.at(placed.stamp.ns), placed.map_from_camera.t}), ++outcome.placed;
+  for (const PlacedFrame& placed : client.trajectory()) {
+    pairs[placed.session].push_back({truth.at(placed.stamp.ns), placed.map_from_camera.t});
+    ++outcome.placed;
+  }
   for (const auto& [session, of_session] : pairs) {
     const auto laid = matching::align_points(of_session, matching::Freedom::rigid);
     double& worst = outcome.error_m[session];

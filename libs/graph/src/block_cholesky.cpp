@@ -107,7 +107,8 @@ MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
       if (first + 1 < end) {
         reached[from] = first + 1;
         auto& list = waiting[static_cast<std::size_t>(rows[first + 1])];
-        next[from] = list, list = static_cast<std::int32_t>(from);
+        next[from] = list;
+        list = static_cast<std::int32_t>(from);
       }
     }
     if (!has_root(pivots[column])) return false;
@@ -116,7 +117,8 @@ MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
     if (begin[column] == begin[column + 1]) continue;
     reached[column] = begin[column];
     auto& list = waiting[static_cast<std::size_t>(rows[begin[column]])];
-    next[column] = list, list = static_cast<std::int32_t>(column);
+    next[column] = list;
+    list = static_cast<std::int32_t>(column);
   }
   return true;
 }

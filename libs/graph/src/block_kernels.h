@@ -26,7 +26,8 @@ MAPWEAVE_INTO_CLONES void subtract_product(const double* a, const double* b, dou
 #pragma GCC unroll 3
       for (int j = 0; j < kAtOnce; ++j) {
         double* const column = c + kRows * (first + j);
-        high[j] = *reinterpret_cast<const FourLanes*>(column), low[j] = *reinterpret_cast<const TwoLanes*>(column + 4);
+        high[j] = *reinterpret_cast<const FourLanes*>(column);
+        low[j] = *reinterpret_cast<const TwoLanes*>(column + 4);
       }
 #pragma GCC unroll 6
       for (int k = 0; k < kInner; ++k) {
@@ -35,7 +36,8 @@ MAPWEAVE_INTO_CLONES void subtract_product(const double* a, const double* b, dou
 #pragma GCC unroll 3
         for (int j = 0; j < kAtOnce; ++j) {
           const double factor = b[kRows * k + first + j];
-          high[j] -= a_high * factor, low[j] -= a_low * factor;
+          high[j] -= a_high * factor;
+          low[j] -= a_low * factor;
         }
       }
 #pragma GCC unroll 3
@@ -63,15 +65,17 @@ MAPWEAVE_INTO_CLONES void divide_by_transposed(const double* lower, double* x) {
     TwoLanes low[kRows];
 #pragma GCC unroll 6
     for (int j = 0; j < kRows; ++j) {
-      high[j] = *reinterpret_cast<const FourLanes*>(x + kRows * j),
+      high[j] = *reinterpret_cast<const FourLanes*>(x + kRows * j);
       low[j] = *reinterpret_cast<const TwoLanes*>(x + kRows * j + 4);
 #pragma GCC unroll 6
       for (int k = 0; k < j; ++k) {
         const double factor = lower[kRows * k + j];
-        high[j] -= high[k] * factor, low[j] -= low[k] * factor;
+        high[j] -= high[k] * factor;
+        low[j] -= low[k] * factor;
       }
       const double scale = 1.0 / lower[kRows * j + j];
-      high[j] *= scale, low[j] *= scale;
+      high[j] *= scale;
+      low[j] *= scale;
       *reinterpret_cast<FourLanes*>(x + kRows * j) = high[j];
       *reinterpret_cast<TwoLanes*>(x + kRows * j + 4) = low[j];
     }

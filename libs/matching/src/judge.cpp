@@ -59,7 +59,9 @@ double longest_run(std::vector<std::pair<int, int>> cells) {
           const auto place = std::lower_bound(cells.begin(), cells.end(), std::make_pair(y + j, x + i));
           if (place == cells.end() || *place != std::make_pair(y + j, x + i)) continue;
           const auto index = static_cast<std::size_t>(place - cells.begin());
-          if (!done[index]) done[index] = true, stack.push_back(index);
+          if (done[index]) continue;
+          done[index] = true;
+          stack.push_back(index);
         }
     }
     longest = std::max(longest, size);

@@ -212,7 +212,8 @@ void LandmarkIndex::take_out(std::uint32_t slot) {
   const auto cell = cells_.find(cell_of(landmarks_[slot].point_in_map));
   auto& [points, members] = cell->second;
   const std::uint32_t place = place_in_cell_[slot];
-  points[place] = points.back(), members[place] = members.back();
+  points[place] = points.back();
+  members[place] = members.back();
   place_in_cell_[members[place].slot] = place;
   points.pop_back();
   members.pop_back();

@@ -99,7 +99,10 @@ void PlaceIndex::accumulate(const std::vector<Posting>& postings, std::uint16_t 
   for (; end - posting >= 4; posting += 4) {
     const std::uint16_t s0 = sum(posting[0]), s1 = sum(posting[1]), s2 = sum(posting[2]), s3 = sum(posting[3]);
     const Posting p0 = posting[0], p1 = posting[1], p2 = posting[2], p3 = posting[3];
-    scores[p0.slot] = s0, scores[p1.slot] = s1, scores[p2.slot] = s2, scores[p3.slot] = s3;
+    scores[p0.slot] = s0;
+    scores[p1.slot] = s1;
+    scores[p2.slot] = s2;
+    scores[p3.slot] = s3;
   }
   for (; posting != end; ++posting) scores[posting->slot] = sum(*posting);
 }

@@ -45,7 +45,10 @@ void assign_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
                                    [](const Shown&a, double y) { return a.v < y; });
          s != shown.end() && s->v <= v + kSamePoint_px; ++s) {
       const double square = (s->u - u) * (s->u - u) + (s->v - v) * (s->v - v);
-      if (square < nearest[i]) nearest[i] = square, keyframe.landmark_of_feature[i] = s->landmark;
+      if (square < nearest[i]) {
+        nearest[i] = square;
+        keyframe.landmark_of_feature[i] = s->landmark;
+      }
     }
   }
 }

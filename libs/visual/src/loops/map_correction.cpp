@@ -87,11 +87,15 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
       mapped_m(order.size(), 0.0);  // from the first to each, where both are known
   for (std::size_t i = 1; i < order.size(); ++i) {
     const Keyframe &last = map.keyframe(keyframes_[order[i - 1]].slot), &here = map.keyframe(keyframes_[order[i]].slot);
-    driven_m[i] = driven_m[i - 1], mapped_m[i] = mapped_m[i - 1];
+    driven_m[i] = driven_m[i - 1];
+    mapped_m[i] = mapped_m[i - 1];
     if (!last.driven.odometry_from_camera || !here.driven.odometry_from_camera) continue;
     const double step_m = between(*last.driven.odometry_from_camera, *here.driven.odometry_from_camera).t.norm();
     constexpr double kLeast_m = 0.02;  // less is noise
-    if (step_m > kLeast_m) driven_m[i] += step_m, mapped_m[i] += (here.view.centre() - last.view.centre()).norm();
+    if (step_m > kLeast_m) {
+      driven_m[i] += step_m;
+      mapped_m[i] += (here.view.centre() - last.view.centre()).norm();
+    }
   }
   const auto stretch_between = [&](std::size_t from, std::size_t to) {
     return std::log((driven_m[to] - driven_m[from]) / std::max(1e-9, mapped_m[to] - mapped_m[from]));
@@ -168,8 +172,10 @@ void MapCorrection::run() {
     std::vector<Sim3> similar;
     for (const Pose3& pose : poses) similar.push_back({pose, 1.0});
     const graph::SimilaritySolution solution = graph::solve(similar, drifting, kIterations, fixed);
-    for (std::size_t i = 0; i < poses.size(); ++i)
-      poses[i] = solution.poses[i].pose, scales_[i] = solution.poses[i].scale;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      poses[i] = solution.poses[i].pose;
+      scales_[i] = solution.poses[i].scale;
+    }
   } else {
     poses = graph::solve(poses, edges, kIterations, fixed).poses;
   }
@@ -233,7 +239,8 @@ std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vec
   for (const KeyframeMotion& motion : motions) {
     const auto slot = static_cast<std::size_t>(motion.keyframe);
     map.keyframes[slot].view = motion.view;
-    moved[slot] = 1, scales[slot] = motion.scale;
+    moved[slot] = 1;
+    scales[slot] = motion.scale;
   }
   std::vector<int> order;
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
