@@ -21,6 +21,8 @@ PATIENCE = float(os.environ.get("MAPWEAVE_PATIENCE", "1"))
 MALAGA = pathlib.Path("/usr/share/mrpt/datasets/2006-01ENE-21-SENA_Telecom Faculty_one_loop_only.rawlog")
 SIMULATED_BUILDING = pathlib.Path("/usr/share/mrpt/datasets/graphslam-engine-demos/action_observations_map/simul.rawlog")
 
+VERBS = ("run", "serve", "worker", "doctor", "slam", "merge", "split", "convert", "simulate", "inspect", "export", "evaluate", "explain", "report", "plan", "profile", "timeline", "vocabulary", "config")
+
 # Exit codes: README, verbs.
 DONE, CANNOT_WRITE, USAGE, BAD_INPUT, APART, GATE_FAILED, UNANSWERED, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 

@@ -3,6 +3,9 @@
 #include <support/painted_room.h>
 
 #include <gmock/gmock.h>
+#include <atomic>
+#include <future>
+#include <thread>
 
 namespace mapweave::visual {
 namespace {
@@ -184,9 +187,23 @@ TEST(LiveClient, follows_and_drops_what_comes_too_fast) {
   EXPECT_EQ(done.trajectory().back().stamp, at(19)) << "the last frame is never dropped";
 }
 
-TEST(LiveClient, ends_at_once_when_it_is_given_up) {
-  LiveClient client(room.camera, 0.0, {});
-  client.add(room.frame(at(0), walk(0)));
+TEST(LiveClient, drops_what_waits_when_it_is_given_up) {
+  std::promise<void> reports;
+  std::atomic<bool> is_given_up{false};
+  std::atomic<int> reported{0};
+  {
+    LiveClient client(room.camera, 0.0, {}, std::nullopt, [&](VisualClient&, Stamp, const Tracked&) {
+      if (++reported > 1) return;
+      reports.set_value();
+      while (!is_given_up) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      std::this_thread::sleep_for(std::chrono::milliseconds(200));  // the client's end has begun meanwhile
+    });
+    client.add(room.frame(at(0), walk(0)));
+    reports.get_future().wait();
+    client.add(room.frame(at(1), walk(1)));
+    is_given_up = true;
+  }
+  EXPECT_EQ(reported, 1);
 }
 
 }  // namespace
