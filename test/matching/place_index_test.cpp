@@ -131,9 +131,6 @@ TEST(BestOfGroups, lets_covisible_keyframes_speak_for_each_other) {
   EXPECT_EQ(close[0].score, 900);
   EXPECT_EQ(best_of_groups(places, covisible, 0.5).size(), 2U);
   EXPECT_TRUE(best_of_groups({}, covisible).empty());
-  EXPECT_DOUBLE_EQ(normalised_score(300, 600), 0.5);
-  EXPECT_EQ(normalised_score(900, 600), 1.0);
-  EXPECT_EQ(normalised_score(300, 0), 0.0);
 }
 
 }  // namespace

@@ -138,10 +138,6 @@ std::vector<SimilarPlace> PlaceIndex::query(const BagOfWords& bag, std::size_t m
   return places;
 }
 
-double normalised_score(int score, int score_of_neighbour) {
-  return score_of_neighbour > 0 ? std::min(1.0, static_cast<double>(score) / score_of_neighbour) : 0.0;
-}
-
 std::vector<SimilarPlace> best_of_groups(const std::vector<SimilarPlace>& places,
                                          const std::function<std::vector<NodeId>(const NodeId&)>& covisible,
                                          double share_of_best) {

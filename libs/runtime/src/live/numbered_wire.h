@@ -75,7 +75,6 @@ class NumberedWire {
   // What was said is forgotten; numbers begin again.
   void begin_anew(SessionId self);
   std::size_t waiting_bytes() const { return backlog_bytes_ + outbox_.bytes(); }
-  std::uint64_t appended() const { return appended_; }
   std::uint64_t confirmed() const { return confirmed_; }  // by the other end
   bool is_all_confirmed() const { return confirmed_ >= appended_; }
 

@@ -52,10 +52,6 @@ class PlaceIndex {
   std::vector<Block> blocks_;
 };
 
-// Normalised scores (Galvez-Lopez, Tardos, equation 3): what the candidate shares, over what a picture known to show
-// the place shares (the query's neighbour in time). Above 1 is taken for 1.
-double normalised_score(int score, int score_of_neighbour);
-
 // Keyframes that see the same landmarks speak for each other (ORB-SLAM, Mur-Artal et al., IEEE T-RO 31(5), 2015,
 // section V-E): each result's score is summed over those of its covisible keyframes that are results too; of groups
 // within `share_of_best` of the best sum, the best member is answered once. Best sum first; of equals the lower id.
