@@ -34,7 +34,7 @@ Action set_up_run(CLI::App& verb) {
       ->allow_extra_args(false);
   verb.add_option("--cluster", arguments->cluster,
                   "workers map the robots: the NATS server where they listen (mapweave worker); the maps are the same")
-      ->type_name("nats://HOST:PORT");
+      ->type_name("URL");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     expect_configuration(arguments->file);

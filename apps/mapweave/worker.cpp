@@ -104,7 +104,7 @@ Action set_up_worker(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("--cluster", arguments->cluster, "NATS server with JetStream where runs ask for workers")
       ->required()
-      ->type_name("nats://HOST:PORT");
+      ->type_name("URL");
   verb.add_option("--name", arguments->name, "what this worker is called; empty: the machine's name and a number")
       ->type_name("NAME");
   verb.add_option("--logs", arguments->logs,
