@@ -75,7 +75,7 @@ class MeteredCloud {
   void receive_merged(const std::string& merged, const std::string& where) {
     metered(fusing_s_, [&] { cloud_.receive_merged(merged, where); });
   }
-  std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult& result) const {
+  std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult& result) {
     return cloud_.wanted_as_whole(result);
   }
   std::vector<std::string> notes(const fusion::FusionResult& result) const { return cloud_.notes(result); }

@@ -33,7 +33,7 @@ bool is_thinned(const Map& map) {
 // Of maps of lasers that stayed apart, though this probable an alignment is known: all scans may decide it.
 constexpr double kWorthAsking = 0.05;
 
-std::set<MapId> teams_in_doubt(const fusion::FusionResult& result) {
+std::set<MapId> maps_in_doubt(const fusion::FusionResult& result) {
   std::map<MapId, const fusion::Component*> component_of;
   for (const fusion::Component& component : result.components)
     for (const MapId& id : component.members) component_of[id] = &component;
@@ -42,9 +42,8 @@ std::set<MapId> teams_in_doubt(const fusion::FusionResult& result) {
     if (verdict.decision == Decision::accepted || verdict.kind != "laser" || verdict.probability < kWorthAsking)
       continue;
     const auto a = component_of.find(verdict.a), b = component_of.find(verdict.b);
-    if (a == component_of.end() || b == component_of.end() || a->second == b->second) continue;
-    for (const fusion::Component* team : {a->second, b->second})
-      maps.insert(team->members.begin(), team->members.end());
+    if (a != component_of.end() && b != component_of.end() && a->second != b->second)
+      maps.insert({verdict.a, verdict.b});
   }
   return maps;
 }
@@ -74,11 +73,13 @@ Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
                 where, "each robot ships to exactly one edge");
   if (known != inboxes_.end() && update.base == 0 && update.sequence > known->second.receipt().stored) {
     came_whole_.insert(origin.map);
-    merged_.erase(std::remove_if(merged_.begin(), merged_.end(),
-                                 [&](const MergedMaps& merged) {
-                                   return std::binary_search(merged.members.begin(), merged.members.end(), origin.map);
-                                 }),
-                  merged_.end());
+    if (taken_apart_.count(origin.map) != 0)
+      merged_.erase(std::remove_if(merged_.begin(), merged_.end(),
+                                   [&](const MergedMaps& merged) {
+                                     return std::binary_search(merged.members.begin(), merged.members.end(),
+                                                               origin.map);
+                                   }),
+                    merged_.end());
   }
   UpdateInbox fresh(origin);
   UpdateInbox& inbox = known != inboxes_.end() ? known->second : fresh;
@@ -92,11 +93,12 @@ void CloudMerger::receive_merged(std::string_view bytes, const std::string& wher
   merged_.push_back(decode_merged_maps(bytes, where));
 }
 
-std::map<TierId, std::vector<MapId>> CloudMerger::wanted_as_whole(const fusion::FusionResult& result) const {
+std::map<TierId, std::vector<MapId>> CloudMerger::wanted_as_whole(const fusion::FusionResult& result) {
   std::map<TierId, std::vector<MapId>> wanted = taken_apart(result);
   std::set<MapId> asked;
   for (const auto& entry : wanted) asked.insert(entry.second.begin(), entry.second.end());
-  for (const MapId& id : teams_in_doubt(result)) {
+  taken_apart_ = asked;
+  for (const MapId& id : maps_in_doubt(result)) {
     const auto inbox = inboxes_.find(id);  // none: of a session before
     if (inbox != inboxes_.end() && came_whole_.count(id) == 0 && is_thinned(inbox->second.map()) &&
         asked.insert(id).second)

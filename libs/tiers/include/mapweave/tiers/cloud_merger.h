@@ -29,8 +29,8 @@ class CloudMerger {
   // kBadInput) for one that cannot be decoded, that does not fit what it builds on (this one, or one that waited for
   // it), or that names a map of another tier; nothing is stored of it then.
   Receipt receive(std::string_view bytes, const std::string& where);
-  // Encoded MergedMaps of an edge. Throws Error(kCorrupt) for what cannot be decoded. It counts while none of the maps
-  // comes anew (as a whole).
+  // Encoded MergedMaps of an edge. Throws Error(kCorrupt) for what cannot be decoded. It counts until seal() takes the
+  // maps apart and one of them comes as a whole.
   void receive_merged(std::string_view bytes, const std::string& where);
   // Every origin, in order: the sender repeats what is awaited.
   std::vector<Receipt> receipts() const;
@@ -40,10 +40,10 @@ class CloudMerger {
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the
   // judgements among them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);
-  // After seal(), by edge: maps that it merged and that the cloud merged anew; and thinned maps that stayed apart from
+  // After seal(), by edge: maps that it merged and that the cloud took apart; and thinned maps that stayed apart from
   // another one, though they may lie to each other as a verdict says. They stay so unless they are sent as a whole
   // before it is asked again.
-  std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult&) const;
+  std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult&);
   // For people: which of these no edge sent, since it is gone, so that they stay thinned. After the last seal().
   std::vector<std::string> notes(const fusion::FusionResult&) const;
 
@@ -58,7 +58,8 @@ class CloudMerger {
   std::vector<Map> starts_;
   std::map<MapId, UpdateInbox> inboxes_;
   std::vector<MergedMaps> merged_;
-  std::set<MapId> came_whole_;  // in place of thinned ones
+  std::set<MapId> came_whole_;   // in place of thinned ones
+  std::set<MapId> taken_apart_;  // of what edges had merged
   fusion::Memo memo_;
   std::shared_ptr<matching::ModelCache> models_;
 };
