@@ -3,34 +3,12 @@ import json
 import pathlib
 import shutil
 import subprocess
-import sys
 import unittest
 
 import support
 from support import BAD_INPUT, CANNOT_WRITE, USAGE
 
-PACKAGES = ("rosbags==0.11.9", "mcap==1.6.0")
-ENVIRONMENT = support.ROOT / "build/ros_readers"
 READERS = pathlib.Path(__file__).with_name("ros_readers.py")
-
-
-def interpreter():
-    """Of an environment with both packages, made below build/ where it is missing."""
-    python = ENVIRONMENT / "bin/python"
-    try:
-        if subprocess.run([python, "-c", "import rosbags, mcap"], capture_output=True, check=False).returncode == 0:
-            return python
-    except OSError:
-        pass
-    for command in ([sys.executable, "-m", "venv", "--clear", ENVIRONMENT], [python, "-m", "pip", "install", "--quiet", *PACKAGES]):
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise unittest.SkipTest(f"{', '.join(PACKAGES)} cannot be installed: {error}") from None
-        if done.returncode != 0:
-            last = (done.stderr or done.stdout).strip().splitlines()[-1:]
-            raise unittest.SkipTest(f"{', '.join(PACKAGES)} cannot be installed: {' '.join(last)}")
-    return python
 
 
 def pgm(path):
@@ -56,7 +34,7 @@ def turned(quaternion, vector):
 
 class Recordings(support.Scenario):
     def read(self, by, name):
-        done = subprocess.run([interpreter(), READERS, by, self.folder / name], capture_output=True, text=True, check=False)
+        done = subprocess.run([support.ros_interpreter(), READERS, by, self.folder / name], capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
         return json.loads(done.stdout)
 
@@ -109,7 +87,7 @@ class Recordings(support.Scenario):
         self.assertEqual(16 * cloud["width"], len(cloud["data"]) // 2)
 
     def test_a_robot_s_map_is_read_as_its_other_files_have_it(self):
-        interpreter()
+        support.ros_interpreter()
         self.write("room.log", "\n".join(support.room_lines(40)) + "\n")
         self.mapweave("slam", "room.log", "--out", "map", "--robot", "my-robot")
         out = self.folder / "map"
@@ -127,7 +105,7 @@ class Recordings(support.Scenario):
                     self.assertEqual(topic.get("count", len(topic["messages"])), len(topic["messages"]), name)
 
     def test_a_team_s_robots_hang_on_its_frame(self):
-        interpreter()
+        support.ros_interpreter()
         self.write("room.log", "\n".join(support.room_lines(60)) + "\n")
         self.mapweave("split", "room.log", "--robots", "2", "--overlap", "2", "--out", "logs")
         self.mapweave("run", "logs/run.yaml", "--out", "team", code=(support.DONE, support.APART))
