@@ -92,8 +92,8 @@ def mean(rows, kind, what):
 
 def problems(name, rows, half, is_simulated):
     found = []
-    if is_simulated and any(row["whole"]["maps"] > 1 for row in rows):
-        found.append(f"{name}: {max(row['whole']['maps'] for row in rows)} maps, one was expected")
+    if is_simulated and any(row["thinned"]["maps"] > 1 for row in rows):
+        found.append(f"{name}: {max(row['thinned']['maps'] for row in rows)} maps, one was expected (whole: {max(row['whole']['maps'] for row in rows)})")
     if any(row["thinned"]["maps"] > row["whole"]["maps"] for row in rows):
         found.append(f"{name}: thinned maps stay apart that merge as a whole")
     goal = GOALS.get(name, GOAL_HALF if half else None)
@@ -146,12 +146,12 @@ def run(arguments):
                           *(f"{mean(team['rows'], kind, what):.2f} s" for what in ("cloud_s", "total_s") for kind in ("whole", "thinned"))) for team in teams])
     text += (f"\n\nMeasured by `scripts/bench tiers` on {common.machine()}; bytes are shares of what the robots sensed; simulated teams: mean of {count} buildings, error: ATE against the truth; "
              "public logs: mean error of relations.")
+    found = [problem for team in teams for problem in problems(team["name"], team["rows"], team.get("overlap") == 50, team["name"].split(",")[0] not in PUBLIC)]
+    if found:
+        text += " Missed: " + "; ".join(found) + "."
     common.write_json("tiers", {"machine": common.machine(), "commit": common.commit(), "teams": teams, "figures": drawn})
     report.write()
     print(text)
-    found = [problem for team in teams for problem in problems(team["name"], team["rows"], team.get("overlap") == 50, team["name"].split(",")[0] not in PUBLIC)]
-    if found:
-        common.give_up("; ".join(found), 5)
     if not arguments.dry_run and not arguments.quick:
         common.write_results("tiers", text)
-    return 0
+    return common.unmet("missed", found)

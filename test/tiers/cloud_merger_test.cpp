@@ -160,6 +160,8 @@ TEST_F(CloudTest, wants_thinned_maps_whole_that_stayed_apart_in_doubt) {
   apart.verdicts[0].probability = 0.001;
   EXPECT_TRUE(cloud.wanted_as_whole(apart).empty()) << "nothing may fit";
   apart.verdicts[0].probability = 0.85;
+  EXPECT_TRUE(cloud.wanted_as_whole(apart).empty()) << "their teams may fit, but nothing of them matches";
+  apart.verdicts[0].alignment.emplace();
   const std::map<TierId, std::vector<MapId>> thinned{{TierId("north"), {map.id}}};
   EXPECT_EQ(cloud.wanted_as_whole(apart), thinned) << "of one robot all is here";
   EXPECT_TRUE(cloud.notes(apart).empty());

@@ -30,7 +30,7 @@ bool is_thinned(const Map& map) {
                      [](const auto& entry) { return entry.second.payload == nullptr; });
 }
 
-// Of maps of lasers that stayed apart, though this probable an alignment is known: all scans may decide it.
+// Of maps of lasers that match and stayed apart, though they may lie so with this probability: all scans may decide it.
 constexpr double kWorthAsking = 0.05;
 
 std::set<MapId> maps_in_doubt(const fusion::FusionResult& result) {
@@ -39,7 +39,8 @@ std::set<MapId> maps_in_doubt(const fusion::FusionResult& result) {
     for (const MapId& id : component.members) component_of[id] = &component;
   std::set<MapId> maps;
   for (const Verdict& verdict : result.verdicts) {
-    if (verdict.decision == Decision::accepted || verdict.kind != "laser" || verdict.probability < kWorthAsking)
+    if (verdict.decision == Decision::accepted || verdict.kind != "laser" || verdict.probability < kWorthAsking ||
+        !verdict.alignment)
       continue;
     const auto a = component_of.find(verdict.a), b = component_of.find(verdict.b);
     if (a != component_of.end() && b != component_of.end() && a->second != b->second)
