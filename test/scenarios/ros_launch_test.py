@@ -306,7 +306,7 @@ coordinator: {method: default, overlap_period_s: 1}
                           "plan = ''\n"
                           "while 'alpha' not in plan: plan = rospy.wait_for_message('/coordinator/plan', String, 15).data\n"  # the first plan may have one robot
                           "print(*plan.split())\n"
-                          "print(rospy.wait_for_message('/alpha/map', OccupancyGrid, 15).header.frame_id)")
+                          "print(rospy.wait_for_message('/alpha/map', OccupancyGrid, 60).header.frame_id)")
         plan, frame = plan.strip().splitlines()
         self.assertRegex(plan, "alpha.*(north|south)")
         self.assertEqual(frame, "alpha/map")
