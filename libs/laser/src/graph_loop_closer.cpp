@@ -11,8 +11,6 @@
 namespace mapweave::laser {
 namespace {
 
-// Submaps this near in the sequence share scans, or nearly: matching them says nothing new.
-constexpr std::size_t kNeighbours = 2;
 // Two submaps may show the same walls while their middles are nearer than this share of their radii together. What is
 // seen at the end of a hall makes a circle large and is too little to match by: hence the bound on a radius.
 constexpr double kOverlapping = 0.6;
@@ -28,15 +26,16 @@ constexpr double kStepPath_m = 1.0, kLoopPath_m = 0.5, kStepTurns = 1.0, kLoopTu
 // come back lead less far.
 constexpr double kStepDrift = 0.5, kAside = 0.4;
 constexpr double kMatch_m = 0.15, kMatch_rad = 0.02;  // that two submaps are off where no path is between them
-// Two loops support each other up to so many submaps apart; farther, the chain between them drifts too much to tell.
-// Each step of it may be off by a standard deviation: 0.07 m and 0.008 rad of 4 m (maps/map_noise.h).
-constexpr std::size_t kSupporting = 6;
+// Where two loops support each other, each step between them may be off by a standard deviation: 0.07 m and 0.008 rad
+// of 4 m (maps/map_noise.h).
 constexpr double kAgree_m = 0.15, kAgreePerStep_m = 0.08, kAgree_rad = 0.02, kAgreePerStep_rad = 0.01;
 constexpr double kOutlier = 0.5;  // weight after graduated non-convexity, where weights are near 0 or near 1
 // At the end: pairs whose walls overlap, and whose windows are hardly wider than what is believed without a second loop
 // (three times that, and confirm_radius_m). The second round looks from where the loops of the first one put them.
 constexpr double kFinishApart_m = 6.0, kFinishSigma_m = 0.7;
 constexpr int kFinishRounds = 2;
+constexpr double kFarBefore_m = 4.0;  // and more than kFinishApart_m: far from each other before
+constexpr int kFoldRounds = 3;
 // No loop is stiffer than 2 cm and 3 mrad: chosen as what the anchors of two submaps are known to at best.
 constexpr double kLoopVariance_m2 = 4e-4, kLoopVariance_rad2 = 9e-6;
 
@@ -69,14 +68,13 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
                        ? kept.local_from_submap
                        : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
   submaps_.push_back(std::move(kept));
-  if (number < kNeighbours + 1) return;
+  if (number < kSharing + 1) return;
 
   const auto uncertainty = uncertainty_from(number);
-  const auto [x, y] = centre_of(number);
+  const std::vector<Eigen::Vector2d> centres = centres_by(poses_);
   std::vector<std::pair<double, std::size_t>> near, alike;
-  for (std::size_t i = 0; i + kNeighbours < number; ++i) {
-    const auto [ix, iy] = centre_of(i);
-    const double distance = std::hypot(ix - x, iy - y);
+  for (std::size_t i = 0; i + kSharing < number; ++i) {
+    const double distance = (centres[i] - centres[number]).norm();
     const double reach = std::min(kReachSigmas * uncertainty[i].position_m, options_.loops.max_radius_m);
     const double extent = kOverlapping * std::min(kLargestRadius_m, submaps_[i].radius_m) +
                           kOverlapping * std::min(kLargestRadius_m, submaps_[number].radius_m);
@@ -94,7 +92,7 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   std::sort(chosen.begin(), chosen.end());
   chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
   bool found = false;
-  for (const auto i : chosen) found = search(i, number, uncertainty[i], map) || found;
+  for (const auto i : chosen) found = search(i, number, uncertainty[i], map) == Found::loop || found;
   if (!found) return;
   commit_agreeing();
   solve();
@@ -110,7 +108,7 @@ std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std:
     paths[i + 1].emplace_back(i, submaps_[i].length_m + kStepPath_m);
   }
   for (const auto& loop : loops_)
-    if (loop.committed) {
+    if (loop.state == State::committed) {
       paths[loop.a].emplace_back(loop.b, kLoopPath_m);
       paths[loop.b].emplace_back(loop.a, kLoopPath_m);
     }
@@ -138,20 +136,32 @@ std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std:
   return result;
 }
 
-bool LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map) {
-  throw_if_interrupted();
-  const auto view = [&](std::size_t i) {
-    const Submap& submap = *map.submaps.find(submaps_[i].id);
-    return matching::SubmapView{submap.id, submap.content, cache_.get(submap, map.nodes)};
-  };
+bool LaserLoopCloser::is_known(std::size_t a, std::size_t b) const {
+  return std::any_of(loops_.begin(), loops_.end(), [&](const Loop& loop) { return loop.a == a && loop.b == b; });
+}
+
+matching::SubmapView LaserLoopCloser::view_of(std::size_t number, const Map& map) {
+  const Submap& submap = *map.submaps.find(submaps_[number].id);
+  return {submap.id, submap.content, cache_.get(submap, map.nodes)};
+}
+
+LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncertainty,
+                                               const Map& map) {
   matching::WideWindow window;
   window.a_from_b = between(poses_[a], poses_[b]);
   window.radius_m = std::clamp(kWindowSigmas * uncertainty.position_m, kLeastRadius_m, options_.loops.max_radius_m);
   window.yaw_rad = std::min(M_PI, kLeastYaw_rad + kWindowSigmas * uncertainty.yaw_rad);
-  Judgement judgement = matching::judge(view(a), view(b), window, options_.judge);
+  return search(a, b, window, map);
+}
+
+LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, const matching::WideWindow& window,
+                                               const Map& map) {
+  throw_if_interrupted();
+  Judgement judgement = matching::judge(view_of(a, map), view_of(b, map), window, options_.judge);
+  if (judgement.doubt == Reason::contradiction || judgement.doubt == Reason::inconsistent) return Found::contradiction;
   if (judgement.hypotheses.empty() || judgement.doubt != Reason::none ||
       judgement.probability < options_.loops.min_probability)
-    return false;
+    return Found::nothing;
   Loop loop;
   loop.a = a;
   loop.b = b;
@@ -160,19 +170,19 @@ bool LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& un
   loop.sure = window.radius_m <= options_.loops.confirm_radius_m;
   loop.judgement = std::move(judgement);
   loops_.push_back(std::move(loop));
-  return true;
+  return Found::loop;
 }
 
 // A loop from a wide window is believed once a second one, of other submaps, says the same.
 void LaserLoopCloser::commit_agreeing() {
   for (auto& loop : loops_) {
-    if (loop.committed) continue;
+    if (loop.state != State::open) continue;
     if (loop.sure) {
-      loop.committed = true;
+      loop.state = State::committed;
       continue;
     }
     for (const auto& other : loops_) {
-      if (&other == &loop || (other.a == loop.a && other.b == loop.b)) continue;
+      if (&other == &loop || other.state == State::folding || (other.a == loop.a && other.b == loop.b)) continue;
       if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > kSupporting ||
           std::max(other.b, loop.b) - std::min(other.b, loop.b) > kSupporting)
         continue;
@@ -185,28 +195,36 @@ void LaserLoopCloser::commit_agreeing() {
                                              std::max(other.b, loop.b) - std::min(other.b, loop.b));
       if (std::hypot(apart.x, apart.y) < kAgree_m + kAgreePerStep_m * steps &&
           std::abs(apart.phi) < kAgree_rad + kAgreePerStep_rad * steps) {
-        loop.committed = true;
+        loop.state = State::committed;
         break;
       }
     }
   }
 }
 
-void LaserLoopCloser::solve() {
+std::vector<graph::Edge> LaserLoopCloser::steps() const {
   std::vector<graph::Edge> edges;
-  std::vector<std::size_t> of_loop;
   for (std::size_t i = 0; i + 1 < submaps_.size(); ++i)
     edges.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i + 1),
                      between(submaps_[i].local_from_submap, submaps_[i + 1].local_from_submap),
                      submap_step_information(submaps_[i].length_m, options_.loops.drift_per_m,
                                              options_.loops.drift_yaw_per_submap_rad),
                      false});
+  return edges;
+}
+
+graph::Edge LaserLoopCloser::edge_of(const Loop& loop) const {
+  const Eigen::Matrix3d information = (loop.information.inverse() + submap_bend_covariance()).inverse();
+  return {static_cast<std::uint32_t>(loop.a), static_cast<std::uint32_t>(loop.b), loop.a_from_b,
+          0.5 * (information + information.transpose()), true};
+}
+
+void LaserLoopCloser::solve() {
+  std::vector<graph::Edge> edges = steps();
+  std::vector<std::size_t> of_loop;
   for (std::size_t i = 0; i < loops_.size(); ++i) {
-    if (!loops_[i].committed) continue;
-    Eigen::Matrix3d information = (loops_[i].information.inverse() + submap_bend_covariance()).inverse();
-    information = (0.5 * (information + information.transpose())).eval();
-    edges.push_back({static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b),
-                     loops_[i].a_from_b, information, true});
+    if (loops_[i].state != State::committed) continue;
+    edges.push_back(edge_of(loops_[i]));
     of_loop.push_back(i);
   }
   if (of_loop.empty()) return;
@@ -221,43 +239,64 @@ void LaserLoopCloser::solve() {
   loops_ = std::move(kept);
 }
 
-std::pair<double, double> LaserLoopCloser::centre_of(std::size_t submap) const {
-  const Pose2& p = poses_[submap];
-  const auto& c = submaps_[submap].centre;
-  return {p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y, p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y};
+std::vector<Eigen::Vector2d> LaserLoopCloser::centres_by(const std::vector<Pose2>& poses) const {
+  std::vector<Eigen::Vector2d> centres;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const auto& centre = submaps_[i].centre;
+    const Pose2 placed = compose(poses[i], Pose2{centre.x, centre.y, 0.0});
+    centres.emplace_back(placed.x, placed.y);
+  }
+  return centres;
 }
 
 void LaserLoopCloser::finish(const Map& map) {
+  look_near(map, poses_);
+  for (int round = 0; round < kFoldRounds && take_back_folds(map); ++round) look_near(map, poses_);
+  close_unexpected(map);
+  cache_.clear();
+}
+
+int LaserLoopCloser::look_near(const Map& map, const std::vector<Pose2>& before) {
+  const std::vector<Eigen::Vector2d> centres_before = centres_by(before);
+  int balance = 0;
   for (int round = 0; round < kFinishRounds; ++round) {
     bool found = false;
-    std::vector<Uncertainty> uncertainty;
-    for (std::size_t b = kNeighbours + 1; b < submaps_.size(); ++b) {
-      uncertainty = uncertainty_from(b);
+    const std::vector<Eigen::Vector2d> centres = centres_by(poses_);
+    for (std::size_t b = kSharing + 1; b < submaps_.size(); ++b) {
+      const std::vector<Uncertainty> uncertainty = uncertainty_from(b);
       std::vector<std::pair<double, std::size_t>> near;
-      for (std::size_t a = 0; a + kNeighbours < b; ++a) {
-        if (std::any_of(loops_.begin(), loops_.end(), [&](const Loop& l) { return l.a == a && l.b == b; })) continue;
-        const auto [ax, ay] = centre_of(a);
-        const auto [bx, by] = centre_of(b);
-        const double distance = std::hypot(ax - bx, ay - by);
-        if (distance < kFinishApart_m && uncertainty[a].position_m < kFinishSigma_m) near.emplace_back(distance, a);
+      for (std::size_t a = 0; a + kSharing < b; ++a) {
+        const double distance = (centres[a] - centres[b]).norm();
+        if (distance < kFinishApart_m && uncertainty[a].position_m < kFinishSigma_m && !is_known(a, b))
+          near.emplace_back(distance, a);
       }
       std::sort(near.begin(), near.end());
       if (near.size() > static_cast<std::size_t>(options_.loops.nearest))
         near.resize(static_cast<std::size_t>(options_.loops.nearest));
-      for (const auto& candidate : near)
-        found = search(candidate.second, b, uncertainty[candidate.second], map) || found;
+      for (const auto& candidate : near) {
+        const std::size_t a = candidate.second;
+        const Found here = search(a, b, uncertainty[a], map);
+        found = here == Found::loop || found;
+        if ((centres_before[a] - centres_before[b]).norm() < kFinishApart_m + kFarBefore_m) continue;
+        balance += here == Found::loop ? 1 : here == Found::contradiction ? -1 : 0;
+      }
     }
     commit_agreeing();
     solve();
     if (!found) break;
   }
-  cache_.clear();
+  return balance;
+}
+
+std::size_t LaserLoopCloser::folding_loops() const {
+  return static_cast<std::size_t>(
+      std::count_if(loops_.begin(), loops_.end(), [](const Loop& loop) { return loop.state == State::folding; }));
 }
 
 std::vector<Constraint> LaserLoopCloser::loops() const {
   std::vector<Constraint> result;
   for (const auto& loop : loops_) {
-    if (!loop.committed) continue;
+    if (loop.state != State::committed) continue;
     const Eigen::Matrix3d floor = Eigen::Vector3d(kLoopVariance_m2, kLoopVariance_m2, kLoopVariance_rad2).asDiagonal();
     Eigen::Matrix3d information = (loop.information.inverse() + floor).inverse();
     Constraint constraint =

@@ -10,6 +10,11 @@
 
 namespace mapweave::laser {
 
+// Submaps this near in the sequence share scans, or nearly: matching them says nothing new.
+inline constexpr std::size_t kSharing = 2;
+// Two loops support each other up to so many submaps apart; farther, the path between them drifts too much to tell.
+inline constexpr std::size_t kSupporting = 6;
+
 class LaserLoopCloser {
  public:
   explicit LaserLoopCloser(const GraphMapperOptions& options);
@@ -17,34 +22,29 @@ class LaserLoopCloser {
   // A submap that was just frozen: looks for loops with all before it and, where some hold, moves the poses. `map`: in
   // the local frame.
   void add(const Submap& submap, const Map& map);
-  // Looks once more at all pairs that lie near each other now.
+  // Looks once more at all pairs that lie near each other now, takes back loops that fold the map, and looks for loops
+  // that end farther away than drift explains.
   void finish(const Map& map);
 
   const std::vector<Pose2>& map_from_submap() const { return poses_; }  // in the order of add()
   // Between the anchors; those that hold.
   std::vector<Constraint> loops() const;
+  // How many were taken back because they lead the robot's path through walls.
+  std::size_t folding_loops() const;
 
  private:
+  enum class State { open, committed, folding };  // those that fold are not looked for again
   struct Loop {
     std::size_t a, b;  // numbers of submaps, a < b
     Judgement judgement;
     Pose2 a_from_b;
     Eigen::Matrix3d information;
     bool sure = false;  // found in a narrow window
-    bool committed = false;
+    State state = State::open;
   };
   struct Uncertainty {
     double position_m, yaw_rad;
   };
-  std::pair<double, double> centre_of(std::size_t submap) const;  // in the map
-  // Of every submap as seen from `from`: along the path of least uncertainty through the graph.
-  std::vector<Uncertainty> uncertainty_from(std::size_t from) const;
-  bool search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map);
-  void commit_agreeing();
-  void solve();
-
-  GraphMapperOptions options_;
-  matching::ModelCache cache_;
   struct Kept {
     SubmapId id;
     NodeId anchor;
@@ -54,6 +54,37 @@ class LaserLoopCloser {
     float radius_m;
     std::vector<matching::RingKey> keys;
   };
+  enum class Found { nothing, loop, contradiction };
+  using Cluster = std::vector<std::size_t>;  // numbers of loops between the same two stretches of the path
+
+  // The middles of the submaps' walls, in the map.
+  std::vector<Eigen::Vector2d> centres_by(const std::vector<Pose2>& poses) const;
+  matching::SubmapView view_of(std::size_t submap, const Map& map);
+  // Of every submap as seen from `from`: along the path of least uncertainty through the graph.
+  std::vector<Uncertainty> uncertainty_from(std::size_t from) const;
+  bool is_known(std::size_t a, std::size_t b) const;  // whether there is a loop between them
+  Found search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map);
+  Found search(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map);
+  void commit_agreeing();
+  std::vector<graph::Edge> steps() const;  // of the path, from each submap to the next
+  graph::Edge edge_of(const Loop& loop) const;
+  void solve();
+  // Searches pairs that lie near each other, in rounds. Returns by how many more of them hold than contradict, of those
+  // that `before` has far from each other.
+  int look_near(const Map& map, const std::vector<Pose2>& before);
+
+  // loop_folds.cpp. True: some were taken back.
+  bool take_back_folds(const Map& map);
+  std::vector<Cluster> clusters() const;  // of committed loops, by when they were first closed
+  bool folds(const std::vector<Pose2>& before, const std::vector<Pose2>& after, std::size_t last, const Map& map);
+
+  // unexpected_loops.cpp. Leaves everything as it was where none is believed.
+  void close_unexpected(const Map& map);
+  std::vector<std::pair<std::size_t, std::size_t>> alike() const;  // the most alike first
+  int search_beside(const Loop& loop, const Map& map);             // how many pairs contradict it
+
+  GraphMapperOptions options_;
+  matching::ModelCache cache_;
   std::vector<Kept> submaps_;
   std::vector<Pose2> poses_;
   std::vector<Loop> loops_;

@@ -180,6 +180,14 @@ struct GraphMapper::State {
     if (const auto doubt = calibration.doubt()) notes.push_back("the inertial unit: " + *doubt);
   }
 
+  void note_folds() {
+    const std::size_t folding = mapping->loops.folding_loops();
+    if (folding > 0)
+      notes.push_back(std::to_string(folding) +
+                      " loop closures between places that look alike are not used, since they would lead the robot "
+                      "through walls; where one is right all the same, walls stand double");
+  }
+
   // The sweep is known now. Where there is one, what was mapped without it is mapped again.
   void restart() {
     is_estimating = false;
@@ -233,6 +241,7 @@ void GraphMapper::finish() {
   }
   state.mapping->finish();
   state.note_inertial();
+  state.note_folds();
   state.map = state.mapping->moved();
   state.mapping.reset();
   graph::optimise(state.map, state.options.solve);

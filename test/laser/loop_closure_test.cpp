@@ -1,0 +1,123 @@
+// Loops of one robot whose ends lie farther apart than drift explains, and buildings whose places are alike.
+#include <gtest/gtest.h>
+#include <mapweave/simulation/laser_sensor.h>
+#include <mapweave/simulation/trajectory.h>
+#include <mapweave/simulation/wheel_odometry.h>
+#include <support/simulated_maps.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mapweave::laser {
+namespace {
+
+using simulation::Point2;
+
+simulation::SimulatedRobot driven(const simulation::FloorPlan& plan, const std::vector<Point2>& corners,
+                                  const simulation::SimulatedLaserOptions& laser, std::uint64_t seed) {
+  simulation::MotionOptions motion;
+  motion.acceleration_m_per_s2 = 2.0;
+  const auto path = simulation::drive({{corners, 1.0}}, simulation::FreeSpace(plan, motion.clearance_m), motion, 0.0);
+  const simulation::RayCaster caster(plan.walls);
+  const simulation::LaserSensor sensor(caster, laser);
+  simulation::WheelOdometry odometry({}, seed, "robot");
+  simulation::SimulatedRobot robot;
+  robot.id = RobotId("robot");
+  const simulation::RandomStream noise(seed, "laser", "robot");
+  const auto count = static_cast<std::size_t>(path.duration_s() * laser.scans_per_second);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double seconds = static_cast<double>(i) / laser.scans_per_second;
+    const Pose2 pose = path.at(seconds);
+    robot.steps.push_back({Stamp{1'000'000'000 + std::llround(1e9 * seconds)}, pose, odometry.step(pose),
+                           sensor.scan(pose, {}, noise.at(i))});
+  }
+  return robot;
+}
+
+void add_rectangle(simulation::FloorPlan& plan, const simulation::Box& box) {
+  const Point2 corners[] = {
+      {box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
+  for (int i = 0; i < 4; ++i) plan.walls.push_back({corners[i], corners[(i + 1) % 4]});
+}
+
+struct Warehouse {
+  int aisles;
+  double length_m, aisle_m, rack_m, crossing_m;
+  double pitch_m() const { return aisle_m + rack_m; }
+  double middle_m(int aisle) const { return 0.5 * aisle_m + aisle * pitch_m(); }
+};
+
+simulation::FloorPlan plan_of(const Warehouse& w) {
+  simulation::FloorPlan plan;
+  const double width = w.aisles * w.pitch_m() - w.rack_m, height = w.length_m + 2 * w.crossing_m;
+  add_rectangle(plan, {0.0, 0.0, width, height});
+  for (int i = 0; i + 1 < w.aisles; ++i)
+    add_rectangle(plan, {w.aisle_m + i * w.pitch_m(), w.crossing_m, (i + 1) * w.pitch_m(), height - w.crossing_m});
+  plan.rooms.push_back({"all", {0.0, 0.0, width, height}});
+  return plan;
+}
+
+// Up one aisle and down the next.
+std::vector<Point2> serpentine(const Warehouse& w) {
+  const double low = 0.5 * w.crossing_m, high = w.length_m + 1.5 * w.crossing_m;
+  std::vector<Point2> corners;
+  for (int i = 0; i < w.aisles; ++i) {
+    corners.push_back({w.middle_m(i), i % 2 == 0 ? low : high});
+    corners.push_back({w.middle_m(i), i % 2 == 0 ? high : low});
+  }
+  return corners;
+}
+
+std::shared_ptr<const ScanGeometry> bent(const simulation::SimulatedLaserOptions& laser, double factor) {
+  ScanGeometry geometry = *test::scan_geometry(laser);
+  geometry.first_angle_rad *= factor;
+  geometry.angle_step_rad *= factor;
+  return std::make_shared<const ScanGeometry>(geometry);
+}
+
+std::size_t loops_of(const Map& map) {
+  return static_cast<std::size_t>(std::count_if(map.constraints.begin(), map.constraints.end(), [](const auto& entry) {
+    return entry.first.kind == ConstraintKind::loop;
+  }));
+}
+
+// A laser whose angles are wrong bends the map as no model of drift expects.
+TEST(LoopClosure, closes_loops_that_end_farther_away_than_it_looks_for_them) {
+  simulation::TeamOptions team;
+  team.robots = 1;
+  team.length_m = 400.0;  // once around and half-way again
+  const auto world = simulation::make_ring({80.0, 50.0, 2.0, 60, 40}, team);
+  GraphMapperOptions options;
+  options.loops.max_radius_m = 1.0;
+  for (const double factor : {0.97, 1.0}) {
+    const Map map = test::mapped(world.robots[0], bent(world.laser, factor), true, options);
+    EXPECT_GT(loops_of(map), 50U) << factor;
+    EXPECT_LT(test::error_m(map, world.robots[0]), 0.7) << factor;
+  }
+}
+
+TEST(LoopClosure, takes_no_aisle_of_a_warehouse_for_another) {
+  simulation::SimulatedLaserOptions laser;
+  const Warehouse few{4, 40.0, 2.4, 1.2, 3.0}, many{8, 40.0, 2.4, 1.2, 3.0};
+  for (const auto& [warehouse, range_m] : {std::pair(few, 40.0), std::pair(many, 20.0)}) {
+    laser.max_range_m = range_m;
+    const auto robot = driven(plan_of(warehouse), serpentine(warehouse), laser, 1);
+    // Walls hold no position along an aisle: that is left to odometry. The next aisle is 3.6 m away.
+    EXPECT_LT(test::error_m(test::mapped(robot, laser), robot), 1.2) << warehouse.aisles;
+  }
+}
+
+TEST(LoopClosure, closes_the_loop_of_a_robot_that_comes_home_in_a_warehouse) {
+  simulation::SimulatedLaserOptions laser;
+  const Warehouse warehouse{4, 20.0, 2.4, 1.2, 3.0};
+  auto corners = serpentine(warehouse);
+  corners.push_back(corners.front());
+  corners.push_back(corners[1]);
+  const auto robot = driven(plan_of(warehouse), corners, laser, 1);
+  const Map map = test::mapped(robot, laser);
+  EXPECT_GT(loops_of(map), 3U);
+  EXPECT_LT(test::error_m(map, robot), 0.1);
+}
+
+}  // namespace
+}  // namespace mapweave::laser
