@@ -101,6 +101,31 @@ TEST(LiveStatus, says_what_an_edge_maps_and_what_it_could_not) {
   EXPECT_EQ(tier_status(TierId("north"), counts, kLongUp)["state"], "merged");
 }
 
+TEST(LiveStatus, says_what_is_wrong_with_wires) {
+  LiveEdgeCounts counts = mapping_edge();
+  counts.robots[0].wire.refused = 3;
+  counts.robots[0].wire.unconfirmed = 5;
+  counts.cloud_wire.full_s = 20.0;
+  counts.cloud_wire.trouble = "no room";
+  const Json status = tier_status(TierId("north"), counts, kLongUp);
+  EXPECT_EQ(status["links"][0]["counts"]["wire_refused"], 3);
+  EXPECT_EQ(status["links"][0]["counts"]["wire_sent_again"], 5);
+  EXPECT_EQ(status["links"][1]["counts"]["wire_full_seconds"], 20.0);
+  EXPECT_THAT(findings(status, "warning"), ElementsAre("its wire to robot alpha: 3 parts that came are no messages",
+                                                       "its wire to the cloud: the broker has had no room for 20 s"));
+  counts.cloud_wire.full_s = 1.0;
+  EXPECT_THAT(findings(tier_status(TierId("north"), counts, kLongUp), "warning"),
+              Contains("its wire to the cloud: no room"));
+  EXPECT_THAT(findings(status, "error"), IsEmpty()) << "it may go on by itself";
+  counts = mapping_edge();
+  counts.robots[0].begun = 4;
+  counts.robots[0].begun_soon = 1;
+  EXPECT_THAT(findings(tier_status(TierId("north"), counts, kLongUp), "warning"), IsEmpty()) << "it was started again";
+  counts.robots[0].begun_soon = 2;
+  EXPECT_THAT(findings(tier_status(TierId("north"), counts, kLongUp), "warning"),
+              Contains("robot alpha has begun 4 times, the last ones in a row"));
+}
+
 TEST(LiveStatus, misses_no_robot_that_has_said_all) {
   LiveEdgeCounts counts = mapping_edge();
   counts.robots[0].is_on_wire = false;

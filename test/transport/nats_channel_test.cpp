@@ -291,6 +291,7 @@ TEST_F(NatsChannelTest, of_others_carries_nothing_and_of_strangers_nothing_eithe
   EXPECT_THAT(receive(*edge, 1), ElementsAre("again"));
   const auto index = static_cast<std::size_t>(WireRefusal::not_an_envelope);
   EXPECT_TRUE(soon([&] { return edge->state().refused[index] == 50; }));
+  EXPECT_EQ(edge->health().refused, 50U);
   EXPECT_THAT(edge->receive(100ms), IsEmpty());
 }
 

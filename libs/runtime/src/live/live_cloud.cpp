@@ -277,11 +277,22 @@ LiveCloudCounts LiveCloud::counts() const {
     counts.again += link.wire->counts().again;
   }
   for (const auto& [name, edge] : state.edges) {
-    const bool is_on_wire =
-        std::any_of(state.links.begin(), state.links.end(),
-                    [&edge = edge](const State::Link& link) { return link.edge == &edge && !link.is_closed; });
-    counts.edges.push_back({name, edge.taken, edge.stored, is_on_wire, state.has_its_finals(name, edge), edge.has_all,
-                            edge.runs, seconds_since(edge.received_at), state.is_needed(name)});
+    LiveCloudCounts::Edge& one = counts.edges.emplace_back();
+    one = {name,
+           edge.taken,
+           edge.stored,
+           false,
+           state.has_its_finals(name, edge),
+           edge.has_all,
+           edge.runs,
+           seconds_since(edge.received_at),
+           state.is_needed(name),
+           {}};
+    for (const State::Link& link : state.links) {
+      if (link.edge != &edge || link.is_closed) continue;
+      one.is_on_wire = true;
+      one.wire = link.wire->health();
+    }
   }
   return counts;
 }

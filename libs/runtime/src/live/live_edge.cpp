@@ -154,6 +154,13 @@ std::uint64_t LiveEdge::State::greet(Link& link, const Hello& hello) {
                                    " came on another wire; the one before is closed");
         other.is_closed = true;
       }
+    if (link.robot != &robot) {  // a wire may say hello again
+      const auto now = Clock::now();
+      const bool is_soon =
+          std::chrono::duration<double>(now - std::exchange(robot.begun_at, now)).count() < site.options.patience_s;
+      robot.begun_soon = is_soon ? robot.begun_soon + 1 : 0;
+      ++robot.begun;
+    }
     robot.session = session;
     link.robot = &robot;
     return robot.stored;
@@ -364,6 +371,7 @@ LiveEdgeCounts LiveEdge::counts() const {
   counts.cameras = std::move(cameras);
   counts.plan = state.plan.number;
   counts.bytes_per_s = state.cloud->bytes_per_s();
+  counts.cloud_wire = state.cloud->health();
   counts.waiting_bytes = state.cloud->waiting_bytes();
   counts.is_cloud_on_wire = state.cloud->is_open() && state.cloud->is_welcome();
   if (state.cloud->other()) counts.cloud_silent_s = state.cloud->silent_s(Clock::now());
@@ -381,13 +389,17 @@ LiveEdgeCounts LiveEdge::counts() const {
     one.scans = robot.scans;
     one.lost_scans = robot.lost_scans;
     one.queue_bytes = robot.queue_bytes;
+    one.begun = robot.begun;
+    one.begun_soon = robot.begun_soon;
     one.has_ended = robot.has_ended;
     one.has_said_all = robot.has_said_all;
     one.is_member = robot.is_member;
     one.silent_s = seconds_since(robot.received_at);
-    one.is_on_wire = std::any_of(state.links.begin(), state.links.end(), [&robot = robot](const State::Link& link) {
-      return link.robot == &robot && !link.is_closed;
-    });
+    for (const State::Link& link : state.links) {
+      if (link.robot != &robot || link.is_closed) continue;
+      one.is_on_wire = true;
+      one.wire = link.wire->health();
+    }
   }
   return counts;
 }

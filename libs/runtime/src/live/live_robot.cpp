@@ -408,6 +408,7 @@ LiveRobotCounts LiveRobot::counts() const {
   counts.waiting_bytes = state_->wire->waiting_bytes();
   counts.sent_bytes = state_->sent_before + state_->wire->counts().sent_bytes;
   counts.bytes_per_s = state_->wire->bytes_per_s();
+  counts.wire = state_->wire->health();
   counts.is_edge_on_wire = state_->wire->is_open() && state_->wire->is_welcome();
   counts.silent_s = state_->wire->silent_s(Clock::now());
   counts.refusal = state_->wire->refusal();

@@ -66,6 +66,26 @@ void find(Json& tier, const char* level, const std::string& what, const std::str
   tier["findings"].push_back({{"level", level}, {"what", what}, {"remedy", remedy}});
 }
 
+// Of the link that was added last.
+void add_wire(Json& tier, const transport::Channel::Health& wire, const StatusTerms& terms) {
+  Json& link = tier["links"].back();
+  Json& counts = link["counts"];
+  counts["wire_refused"] = wire.refused;
+  counts["wire_missed"] = wire.missed;
+  counts["wire_sent_again"] = wire.unconfirmed;
+  counts["wire_full_seconds"] = wire.full_s.value_or(0.0);
+  const std::string role = link["role"], name = role == "cloud" ? "" : " " + link["name"].get<std::string>(),
+                    to = "its wire to " + (role == "cloud" ? "the cloud" : role + name) + ": ";
+  if (wire.full_s.value_or(0.0) >= terms.patience_s)
+    find(tier, "warning", to + format("the broker has had no room for %.0f s", *wire.full_s),
+         "look whether " + role + name + " runs, and whether the broker's disk has room");
+  else if (!wire.trouble.empty())
+    find(tier, "warning", to + wire.trouble, "it tries again by itself; look at the broker where this stays");
+  if (wire.refused > 0)
+    find(tier, "warning", to + std::to_string(wire.refused) + " parts that came are no messages",
+         "look who else writes into the broker's streams of this deployment; give programs keys (serve keys)");
+}
+
 std::string start_of(const Json& link) {
   const std::string role = link["role"], name = role == "cloud" ? "" : " --name " + link["name"].get<std::string>();
   return "look whether mapweave serve " + role + name + " runs, and whether it reaches the broker";
@@ -166,10 +186,12 @@ Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
   status["joint"] = joint_json(counts.joint);
   status["newest_scan_s"] = seconds_json(counts.newest_scans);
   status["apart"] = counts.apart;
-  for (const LiveCloudCounts::Edge& edge : counts.edges)
+  for (const LiveCloudCounts::Edge& edge : counts.edges) {
     status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, edge.is_needed && !edge.has_fused,
                                    edge.silent_s,
                                    {{"taken", edge.taken}, {"stored", edge.stored}, {"begun", edge.runs}}));
+    add_wire(status, edge.wire, terms);
+  }
   find_trouble(status, counts.trouble);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);
@@ -191,7 +213,7 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
   status["ended"] = Json::array();
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
     if (robot.has_ended) status["ended"].push_back(robot.id.str());
-  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+  for (const LiveEdgeCounts::Robot& robot : counts.robots) {
     status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_said_all,
                                    robot.silent_s,
                                    {{"taken", robot.taken},
@@ -199,13 +221,22 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
                                     {"mapped", robot.mapped},
                                     {"scans", robot.scans},
                                     {"lost_scans", robot.lost_scans},
-                                    {"queue_bytes", robot.queue_bytes}}));
+                                    {"queue_bytes", robot.queue_bytes},
+                                    {"begun", robot.begun}}));
+    add_wire(status, robot.wire, terms);
+  }
   status["links"].push_back(link("cloud", "cloud", counts.is_cloud_on_wire, !counts.is_done, counts.cloud_silent_s,
                                  measured(counts.bytes_per_s)));
+  add_wire(status, counts.cloud_wire, terms);
   find_trouble(status, counts.trouble);
   if (counts.cameras) add_cameras(status, *counts.cameras);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);
+  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+    if (robot.begun_soon >= 2)
+      find(status, "warning",
+           "robot " + robot.id.str() + " has begun " + std::to_string(robot.begun) + " times, the last ones in a row",
+           "look whether two programs run with its name, and whether its network is cut again and again");
   for (const LiveEdgeCounts::Robot& robot : counts.robots)
     if (robot.lost_scans > 0)
       find(status, "warning",
@@ -230,9 +261,11 @@ Json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCo
   if (its_edge.empty())
     find(status, is_done ? "warning" : "error", "there is no edge for it",
          "look whether mapweave serve coordinator runs; else raise an edge's capacity, or start another edge");
-  else
+  else {
     status["links"].push_back(
         link("edge", its_edge.str(), counts.is_edge_on_wire, !is_done, counts.silent_s, measured(counts.bytes_per_s)));
+    add_wire(status, counts.wire, terms);
+  }
   if (!counts.refusal.empty())
     find(status, "error", "edge " + its_edge.str() + " refuses: " + counts.refusal,
          "the message says what is wrong; the robot asks again and again");

@@ -86,6 +86,10 @@ class NumberedWire {
   WireCounts counts() const { return counts_; }
   // What the way to the other end carried when it was measured last.
   const std::optional<double>& bytes_per_s() const { return bytes_per_s_; }
+  // Of the channel that it uses now.
+  transport::Channel::Health health() const {
+    return channel_ != nullptr ? channel_->health() : transport::Channel::Health{};
+  }
 
  private:
   static constexpr double kSilences = 5.0;

@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 
+#include <numeric>
 #include <random>
 
 namespace mapweave::transport {
@@ -106,6 +107,12 @@ NatsChannelState NatsChannel::state() const {
   if (const std::string& of_sender = state_->sender.trouble(); !of_sender.empty())
     shown.trouble = of_sender + (shown.trouble.empty() ? "" : "; " + shown.trouble);
   return shown;
+}
+
+Channel::Health NatsChannel::health() const {
+  const NatsChannelState now = state();
+  return {std::accumulate(now.refused.begin(), now.refused.end(), std::uint64_t{0}), now.received.skipped,
+          now.unconfirmed_parts, now.full_s, now.trouble};
 }
 
 std::optional<Channel::Measured> NatsChannel::bytes_per_s() const {

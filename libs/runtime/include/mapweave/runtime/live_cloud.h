@@ -16,6 +16,7 @@ struct LiveCloudCounts {
     std::uint64_t runs = 0;                      // how often it began
     std::optional<double> silent_s;              // since it said something; none: it never did
     bool is_needed = true;                       // else the coordinator has given it no robots
+    transport::Channel::Health wire{};
   };
   std::vector<Edge> edges;                               // by id
   std::uint64_t refused = 0, unreadable = 0, again = 0;  // as LiveEdgeCounts

@@ -34,6 +34,8 @@ struct LiveEdgeCounts {
     bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
     bool has_said_all = false;                        // nothing of it is awaited, though it may still have to be mapped
     std::optional<double> silent_s;                   // since it said something; none: it never did
+    transport::Channel::Health wire{};
+    std::uint64_t begun = 0, begun_soon = 0;  // wires that it began; of these the last, each soon after the one before
     bool is_member = true;  // else the coordinator has given it to another edge, and what is here does not count
   };
   std::vector<Robot> robots;  // by id
@@ -44,12 +46,13 @@ struct LiveEdgeCounts {
   std::map<RobotId, Stamp> newest_scans;  // of the last preview
   std::size_t waiting_bytes = 0;          // that the cloud has not stored
   bool is_cloud_on_wire = false;
-  std::optional<double> cloud_silent_s;    // as a robot's
-  bool is_fused = false, is_done = false;  // all of its robots are in its map; the cloud has written the team's
-  std::string trouble;                     // why it stores nothing, or cannot go on; empty: it does
-  std::uint64_t plan = 0;                  // that it follows
-  double mapping_s = 0.0;                  // of wall time in which scans were mapped, of all robots
-  std::optional<double> bytes_per_s;       // what the way to the cloud carries, as it was measured last
+  std::optional<double> cloud_silent_s;     // as a robot's
+  bool is_fused = false, is_done = false;   // all of its robots are in its map; the cloud has written the team's
+  std::string trouble;                      // why it stores nothing, or cannot go on; empty: it does
+  std::uint64_t plan = 0;                   // that it follows
+  double mapping_s = 0.0;                   // of wall time in which scans were mapped, of all robots
+  std::optional<double> bytes_per_s;        // what the way to the cloud carries, as it was measured last
+  transport::Channel::Health cloud_wire{};  // of the way to the cloud
   // Of the map server, since the edge began, where cameras share while they drive.
   std::optional<ServerCounts> cameras;
 };

@@ -39,6 +39,7 @@ struct LiveRobotCounts {
   TierId edge;                        // its own now; empty: the coordinator has not said which, or none has room
   std::uint64_t moves = 0;            // how often it was given to another one
   std::optional<double> bytes_per_s;  // what the way to its edge carries, as it was measured last
+  transport::Channel::Health wire{};  // of the way to its edge
   bool is_released = true;            // nobody needs what it sensed any more, once its edge has it all
   // Of cameras that share while they drive, so far.
   struct Sharing {

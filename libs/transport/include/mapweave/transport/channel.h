@@ -53,6 +53,16 @@ class Channel {
   // What the link carries from this end, measured while it was busy; nullopt: it was not yet, or nobody measures.
   virtual std::optional<Measured> bytes_per_s() const { return std::nullopt; }
 
+  // What is wrong with the link, as far as this end knows, since the channel was made. Of a network.
+  struct Health {
+    std::uint64_t refused = 0;      // parts that came and belong to no message: damaged, foreign, too many
+    std::uint64_t missed = 0;       // messages that never came
+    std::uint64_t unconfirmed = 0;  // parts that were sent again, because nobody confirmed them in time
+    std::optional<double> full_s;   // for so long there has been no room for what this end sends
+    std::string trouble;            // what holds it up; empty: nothing known
+  };
+  virtual Health health() const { return {}; }
+
   virtual void close() = 0;
   virtual bool is_closed() const = 0;
 };

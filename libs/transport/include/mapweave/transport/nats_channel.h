@@ -85,6 +85,7 @@ class NatsChannel : public Channel {
   void close() override;
   bool is_closed() const override;
   std::optional<Measured> bytes_per_s() const override;
+  Health health() const override;
 
   NatsChannelState state() const;
 

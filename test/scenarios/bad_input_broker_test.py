@@ -1,0 +1,122 @@
+"""What arrives over a broker and should not: strangers, halves of messages, streams that are deleted, names that are there twice."""
+import json
+import signal
+import socket
+import time
+
+import serve_test
+import support
+
+WORLD = """\
+laser: {rays: 91, scans_per_second: 2.0}
+robots:
+  - {id: alpha, edge: north, length_m: 12, first_room: 0}
+  - {id: beta, edge: north, length_m: 12, first_room: 1}
+"""
+
+
+class Stranger:
+    """Some other program at the broker, by the protocol of NATS itself."""
+
+    def __init__(self, url):
+        host, port = url.rsplit("/", 1)[1].split(":")
+        self.socket = socket.create_connection((host, int(port)), timeout=10)
+        self.lines = self.socket.makefile("rb")
+        self.lines.readline()
+        self.send(b'CONNECT {"verbose":false,"echo":false}\r\n')
+
+    def send(self, data):
+        self.socket.sendall(data)
+
+    def publish(self, subject, payload, reply=""):
+        self.send(f"PUB {subject} {reply + ' ' if reply else ''}{len(payload)}\r\n".encode() + payload + b"\r\n")
+
+    def messages(self, subject):
+        """(subject, payload) of what comes, without end."""
+        self.send(f"SUB {subject} 1\r\n".encode())
+        while line := self.lines.readline():
+            if line.startswith(b"PING"):
+                self.send(b"PONG\r\n")
+            if not line.startswith((b"MSG", b"HMSG")):
+                continue
+            words = line.decode().split()
+            payload = self.lines.read(int(words[-1]) + 2)[:-2]
+            yield words[1], payload
+
+    def ask(self, subject, payload=b""):
+        self.send(b"SUB stranger.answers 2\r\n")
+        self.publish(subject, payload, "stranger.answers")
+        return next(self.messages("stranger.answers"))[1]
+
+    def close(self):
+        self.socket.close()
+
+
+class Broker(serve_test.WithBroker):
+    speed = 2
+
+    def begin(self, broker):
+        """A deployment on its way: its processes by name, and what its edge's page says."""
+        self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")
+        self.mapweave("run", "logs/run.yaml", "--out", "run")
+        self.port = serve_test.free_port()
+        self.talk = ["--set", f"live.broker={broker}", "--set", f"live.speed={self.speed}"]
+        return {"cloud": self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *self.talk),
+                "north": self.start("serve", "edge", "logs/run.yaml", "--name", "north", "--set", f"live.page_port={self.port}", *self.talk),
+                "alpha": self.start("serve", "robot", "logs/run.yaml", "--name", "alpha", *self.talk),
+                "beta": self.start("serve", "robot", "logs/run.yaml", "--name", "beta", *self.talk)}
+
+    def end_all(self, programs):
+        for program in programs.values():
+            self.end(program)
+        self.assert_same_map("live", "run")
+
+    def test_bytes_of_strangers_and_halves_of_messages_change_nothing(self):
+        broker = self.start_broker()
+        programs = self.begin(broker)
+        stranger = Stranger(broker)
+        self.addCleanup(stranger.close)
+        sent = 0
+        for subject, payload in stranger.messages("mw.>"):
+            stranger.publish(subject, b"some other program's bytes")
+            stranger.publish(subject, payload[:len(payload) // 2])
+            sent += 1
+            if sent == 40:
+                break
+
+        self.wait_for(lambda: "parts that came are no messages" in serve_test.findings(self.port), "the edge's page tells of them")
+        self.assertRegex(serve_test.ask(self.port, "/metrics")[1], r'mapweave_link_wire_refused_total\{[^}]*peer="(alpha|beta|cloud)"\} [1-9]')
+        self.end_all(programs)
+
+    def test_streams_that_are_deleted_are_made_again(self):
+        broker = self.start_broker()
+        programs = self.begin(broker)
+        self.wait_for(lambda: '"taken": ' in serve_test.ask(self.port, "/status.json")[1], "the edge takes something")
+        stranger = Stranger(broker)
+        self.addCleanup(stranger.close)
+        time.sleep(1.0)
+        names = json.loads(stranger.ask("$JS.API.STREAM.NAMES"))["streams"]
+        self.assertGreaterEqual(len(names), 2, names)
+        for name in names:
+            stranger.ask(f"$JS.API.STREAM.DELETE.{name}")
+        self.end_all(programs)
+
+    def test_a_name_that_is_there_twice_is_reported(self):
+        """The same recording twice is what a robot says that was started again; another one is refused."""
+        broker = self.start_broker()
+        programs = self.begin(broker)
+        self.mapweave("simulate", self.write("other.yaml", WORLD.replace("first_room", "start_s: 50, first_room")), "--out", "other")
+        self.wait_for(lambda: '"is_on_wire": true' in serve_test.ask(self.port, "/status.json")[1], "robots are there")
+        other = self.start("serve", "robot", "other/run.yaml", "--name", "alpha", *self.talk)
+        again = self.start("serve", "robot", "logs/run.yaml", "--name", "alpha", *self.talk)
+        self.wait_for(lambda: "refused" in serve_test.findings(self.port), "the other recording is refused")
+        self.wait_for(lambda: "robot alpha has begun" in serve_test.findings(self.port), "the second program is noticed")
+        other.send_signal(signal.SIGKILL)
+        self.assertIn("is here already", other.communicate()[1])
+        again.send_signal(signal.SIGKILL)
+        again.communicate()
+        self.end_all(programs)
+
+
+if __name__ == "__main__":
+    support.main()
