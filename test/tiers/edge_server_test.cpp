@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <mapweave/maps/map_update.h>
+#include <mapweave/tiers/cloud_merger.h>
 #include <support/fake_mapper.h>
+#include <support/simulated_maps.h>
 
 namespace mapweave::tiers {
 namespace {
@@ -51,6 +53,30 @@ TEST_F(EdgeTest, thins_maps_once_its_last_robot_has_ended_and_sends_them_whole_w
   EXPECT_EQ(update.base, 0u);
   EXPECT_EQ(content_hash(updated(Map{}, update)), content_hash(beta));
   EXPECT_TRUE(edge.whole_maps({MapId("beta")}).for_cloud.empty()) << "it was sent";
+}
+
+// Two robots in rooms that are alike: all scans leave it open whether they are one room.
+TEST_F(EdgeTest, sends_maps_whole_that_all_scans_could_not_decide) {
+  simulation::RoomRowOptions hotel;
+  hotel.rooms = 8;
+  hotel.furniture = 2;
+  simulation::TeamOptions options;
+  options.shared = 0.0;
+  options.seed = 5;
+  const auto team = simulation::make_repeated_rooms(hotel, options);
+  EdgeServer hotel_edge(kEdge, {team.robots[0].id, team.robots[1].id}, {});
+  EdgeServer::Effects effects;
+  for (const auto& robot : team.robots)
+    effects = hotel_edge.step({robot.id, test::mapped(robot, team.laser), std::nullopt}, pool, *progress);
+  ASSERT_EQ(hotel_edge.result().components.size(), 2u);
+  ASSERT_EQ(hotel_edge.result().verdicts[0].reason, Reason::ambiguous);
+  CloudMerger cloud(TierId("cloud"), {});
+  for (const std::string& update : effects.for_cloud) cloud.receive(update, "edge north");
+  for (const std::string& merged : effects.merged) cloud.receive_merged(merged, "edge north");
+  const fusion::FusionResult result = cloud.seal(pool, *progress);
+  EXPECT_EQ(result.components.size(), 2u);
+  EXPECT_EQ(result.verdicts[0].probability, hotel_edge.result().verdicts[0].probability) << "by the same scans";
+  EXPECT_TRUE(cloud.wanted_as_whole(result).empty());
 }
 
 TEST_F(EdgeTest, fuses_when_the_last_robot_has_ended_whatever_the_order) {

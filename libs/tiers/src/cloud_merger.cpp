@@ -3,6 +3,8 @@
 #include <mapweave/tiers/cloud_merger.h>
 #include <mapweave/tiers/edge_server.h>
 
+#include "maps_in_doubt.h"
+
 #include <algorithm>
 #include <cstdint>
 #include <iterator>
@@ -28,25 +30,6 @@ Map part_of(const Map& map, const std::set<SubmapId>& submaps) {
 bool is_thinned(const Map& map) {
   return std::any_of(map.nodes.begin(), map.nodes.end(),
                      [](const auto& entry) { return entry.second.payload == nullptr; });
-}
-
-// Of maps of lasers that match and stayed apart, though they may lie so with this probability: all scans may decide it.
-constexpr double kWorthAsking = 0.05;
-
-std::set<MapId> maps_in_doubt(const fusion::FusionResult& result) {
-  std::map<MapId, const fusion::Component*> component_of;
-  for (const fusion::Component& component : result.components)
-    for (const MapId& id : component.members) component_of[id] = &component;
-  std::set<MapId> maps;
-  for (const Verdict& verdict : result.verdicts) {
-    if (verdict.decision == Decision::accepted || verdict.kind != "laser" || verdict.probability < kWorthAsking ||
-        !verdict.alignment)
-      continue;
-    const auto a = component_of.find(verdict.a), b = component_of.find(verdict.b);
-    if (a != component_of.end() && b != component_of.end() && a->second != b->second)
-      maps.insert({verdict.a, verdict.b});
-  }
-  return maps;
 }
 
 PairToJudge as_sent(const fusion::FirstPair& pair) {

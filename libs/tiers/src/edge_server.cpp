@@ -1,5 +1,7 @@
 #include <mapweave/tiers/edge_server.h>
 
+#include "maps_in_doubt.h"
+
 #include <mapweave/maps/map_update.h>
 #include <mapweave/maps/merged_maps.h>
 #include <mapweave/maps/pair_to_judge.h>
@@ -63,7 +65,13 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   result_ = fusion::fuse(input, options_, memo, pool, progress);
   models_->clear();  // the next who needs memory is the cloud
 
-  if (sent_options_.thin) send_thinned(effects);
+  if (sent_options_.thin) {
+    send_thinned(effects);
+    // What all scans could not decide here the cloud must not decide by some of them.
+    const std::set<MapId> doubted = maps_in_doubt(result_);
+    for (std::string& update : whole_maps({doubted.begin(), doubted.end()}).for_cloud)
+      effects.for_cloud.push_back(std::move(update));
+  }
   for (std::string& update : updates_of(result_.judgements)) effects.for_cloud.push_back(std::move(update));
   return effects;
 }
