@@ -160,9 +160,9 @@ class Launch(Program):
             "ROS_MASTER_URI": f"http://127.0.0.1:{self.port}", "ROS_IP": "127.0.0.1", "ROS_HOME": str(self.folder / "ros_home"), "PYTHONUNBUFFERED": "1",
             "ROS_PACKAGE_PATH": f"{self.prefix}/share:/usr/share", "PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}
 
-    def asked(self, *command, code=0):
+    def asked(self, *command, code=0, seconds=20):
         done = subprocess.run([str(word) for word in command], cwd=self.folder, env=self.variables(), capture_output=True, text=True,
-                              timeout=20 * support.PATIENCE, check=False)
+                              timeout=seconds * support.PATIENCE, check=False)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         return done.stdout
 
@@ -304,9 +304,9 @@ coordinator: {method: default, overlap_period_s: 1}
         self.await_word(player, "begins")
         plan = self.asked(PYTHON, "-c", "import rospy; from std_msgs.msg import String; from nav_msgs.msg import OccupancyGrid\nrospy.init_node('looker')\n"
                           "plan = ''\n"
-                          "while 'alpha' not in plan: plan = rospy.wait_for_message('/coordinator/plan', String, 15).data\n"  # the first plan may have one robot
+                          "while 'alpha' not in plan: plan = rospy.wait_for_message('/coordinator/plan', String).data\n"  # the first plan may have one robot
                           "print(*plan.split())\n"
-                          "print(rospy.wait_for_message('/alpha/map', OccupancyGrid, 60).header.frame_id)")
+                          "print(rospy.wait_for_message('/alpha/map', OccupancyGrid).header.frame_id)", seconds=40)
         plan, frame = plan.strip().splitlines()
         self.assertRegex(plan, "alpha.*(north|south)")
         self.assertEqual(frame, "alpha/map")
