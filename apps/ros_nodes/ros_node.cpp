@@ -8,6 +8,10 @@
 #include <ros/topic_manager.h>
 #include <ros/xmlrpc_manager.h>
 
+#include <unistd.h>
+
+#include <csignal>
+
 namespace mapweave::ros_nodes {
 namespace {
 
@@ -43,6 +47,24 @@ void connect(const std::string& topic, const XmlRpc::XmlRpcValue& publishers) {
   client.execute("publisherUpdate", request, response);
 }
 
+// Roscpp ends all publishers at once where `rosnode kill`, or a node of the same name, asks the node to end, and traps
+// what publishes after that. Here it is Ctrl-C.
+void end_as_interrupted(XmlRpc::XmlRpcValue& request, XmlRpc::XmlRpcValue& response) {
+  const bool has_reason = request.getType() == XmlRpc::XmlRpcValue::TypeArray && request.size() > 1 &&
+                          request[1].getType() == XmlRpc::XmlRpcValue::TypeString;
+  log(LogLevel::warning,
+      "ROS asks this node to end" + (has_reason ? ": " + std::string(request[1]) : std::string("; it says no reason")));
+  ::kill(::getpid(), SIGINT);
+  response = ros::xmlrpc::responseInt(1, "", 0);
+}
+
+void take_requests_to_end() {
+  constexpr char kRequest[] = "shutdown";
+  const ros::XMLRPCManagerPtr& requests = ros::XMLRPCManager::instance();
+  requests->unbind(kRequest);
+  requests->bind(kRequest, end_as_interrupted);
+}
+
 }  // namespace
 
 bool is_node_of_mapweave(const std::string& node) {
@@ -54,6 +76,7 @@ bool is_node_of_mapweave(const std::string& node) {
 RosNode::RosNode(app::StopSignals& stops) {
   wait_for_master(stops);
   handle_.emplace();
+  take_requests_to_end();
   ros::param::set(ros::this_node::getName() + "/" + kMark, true);
   spinner_.emplace(1);
   spinner_->start();

@@ -33,7 +33,7 @@ class RosNode {
   // Now and then: where the master was started again, registers with it what this node publishes, subscribes to and
   // serves. Connections that are there stay.
   void keep();
-  void stop() { spinner_->stop(); }  // no callback comes any more
+  void stop() { spinner_->stop(); }  // no callback runs any more, once it returns
 
  private:
   void register_again() const;

@@ -146,6 +146,11 @@ ExitCode serve_team(const TeamArguments& arguments) {
   }
   TeamTopics topics(node, team, store);
   const DiagnosticsPublisher diagnostics(node.handle(), status);
+  // A timer's callback may still run when roscpp has destroyed the timer, and would use what is destroyed next.
+  struct CallbacksEnd {
+    RosNode& node;
+    ~CallbacksEnd() { node.stop(); }
+  } const callbacks_end{node};
   progress->say("it waits for the topics of " + std::to_string(team.robots().size()) +
                 " robots; Ctrl-C ends the drives and writes the map, and again ends at once");
   const runtime::Report report = app::wait_for_results(

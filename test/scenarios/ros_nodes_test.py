@@ -279,6 +279,16 @@ print(rospy.wait_for_message('/tb0/slam_map', OccupancyGrid, 20).header.frame_id
         self.assertEqual((self.folder / "maps/team/map.mwdb").read_bytes(), (self.folder / "batch/team/map.mwdb").read_bytes())
         self.assertGreater(self.read_json("maps/summary.json")["robots"][0]["scans"], 20)
 
+    def test_a_node_that_is_asked_to_end_ends_its_drives_and_writes_the_map(self):
+        node = self.team("--set", "live.preview_period_s=0.1", robots=["tb0"])
+        self.await_word(self.play(drives(robots={"tb0": 0.0}, scans=30), 4.0, 1, "keep"), "ended")
+        self.run_python("import rosgraph, xmlrpc.client\n"   # as `rosnode kill` does
+                        "xmlrpc.client.ServerProxy(rosgraph.Master('/t').lookupNode('/mapweave_team')).shutdown('/rosnode', 'user request')")
+        node.wait(120 * support.PATIENCE)
+        self.assertEqual(node.returncode, 0, node.log.read_text())
+        self.assertTrue(self.has_said(node, "asks this node to end: user request"))
+        self.assertGreater(self.read_json("maps/summary.json")["robots"][0]["scans"], 10)
+
     def test_a_robot_s_map_is_shown_from_its_first_scan_on(self):
         node = self.begin(NODES, "team", "tb0", "--out", "maps", "--port", "-1", "--set", "live.preview_period_s=1000", "--set", "reading.reorder_window_s=0.1")
         few = drives(robots={"tb0": 0.0}, scans=6)
