@@ -1,5 +1,7 @@
-"""What arrives over a broker and should not: strangers, and halves of messages."""
+"""What arrives over a broker and should not: strangers, and halves of messages; and streams that somebody deletes."""
+import json
 import socket
+import time
 
 import serve_test
 import support
@@ -28,9 +30,11 @@ class Stranger:
     def publish(self, subject, payload, reply=""):
         self.send(f"PUB {subject} {reply + ' ' if reply else ''}{len(payload)}\r\n".encode() + payload + b"\r\n")
 
-    def messages(self, subject):
-        """(subject, payload) of what comes, without end."""
+    def subscribe(self, subject):
         self.send(f"SUB {subject} 1\r\n".encode())
+
+    def messages(self):
+        """(subject, payload) of what comes, without end."""
         while line := self.lines.readline():
             if line.startswith(b"PING"):
                 self.send(b"PONG\r\n")
@@ -39,6 +43,12 @@ class Stranger:
             words = line.decode().split()
             payload = self.lines.read(int(words[-1]) + 2)[:-2]
             yield words[1], payload
+
+    def ask(self, subject):
+        """The broker's answer to a request without content."""
+        self.subscribe("_INBOX.stranger")
+        self.publish(subject, b"", "_INBOX.stranger")
+        return json.loads(next(self.messages())[1])
 
     def close(self):
         self.socket.close()
@@ -69,7 +79,8 @@ class Broker(serve_test.WithBroker):
         stranger = Stranger(broker)
         self.addCleanup(stranger.close)
         sent = 0
-        for subject, payload in stranger.messages("mw.>"):
+        stranger.subscribe("mw.>")
+        for subject, payload in stranger.messages():
             stranger.publish(subject, b"some other program's bytes")
             stranger.publish(subject, payload[:len(payload) // 2])
             sent += 1
@@ -77,6 +88,18 @@ class Broker(serve_test.WithBroker):
                 break
         self.wait_for(lambda: "parts that came are no messages" in serve_test.findings(self.port), "the edge's page tells of them")
         self.assertRegex(serve_test.ask(self.port, "/metrics")[1], r'mapweave_link_wire_refused_total\{[^}]*peer="(alpha|beta|cloud)"\} [1-9]')
+        self.end_all(programs)
+
+    def test_streams_that_are_deleted_are_made_again(self):
+        broker = self.start_broker()
+        programs = self.begin(broker)
+        self.wait_for(lambda: serve_test.findings(self.port), "the edge begins")
+        time.sleep(1.0)
+        stranger = Stranger(broker)
+        self.addCleanup(stranger.close)
+        names = stranger.ask("$JS.API.STREAM.NAMES")["streams"]
+        for name in names:
+            stranger.publish(f"$JS.API.STREAM.DELETE.{name}", b"", "_INBOX.nobody")
         self.end_all(programs)
 
 

@@ -72,6 +72,12 @@ TEST_F(NatsStreamTest, keeps_messages_and_what_was_acknowledged_over_a_kill) {
   NatsStream stream(connection, stream_named("north"));
   EXPECT_TRUE(stream.ensure(10s));
   EXPECT_FALSE(stream.ensure(10s)) << "it is there";
+  NatsStream same(connection, stream.options());
+  EXPECT_FALSE(same.ensure(10s));
+  EXPECT_TRUE(connection->request("$JS.API.STREAM.DELETE." + stream.options().name, "", 10s));
+  EXPECT_TRUE(same.ensure(10s));
+  EXPECT_TRUE(stream.ensure(10s)) << "another than before";
+  EXPECT_FALSE(stream.ensure(10s));
   for (const char* bytes : {"one", "two", "three"}) {
     EXPECT_EQ(stream.publish("mw.north.alpha", bytes, bytes, 10s).outcome, Outcome::stored);
     EXPECT_TRUE(stream.publish("mw.north.alpha", bytes, bytes, 10s).is_repetition) << "by its id";

@@ -16,6 +16,9 @@ constexpr double kPull_s = 4.0,
                  kFarPull_s = 2.0;  // so long it waits at the broker: one that got lost holds up no longer
 constexpr double kLeastAsk_s = 0.05, kMostAsk_s = 1.0;
 constexpr double kPurge_s = 1.0, kFull_s = 5.0, kTick_s = 0.2, kLeastEnsure_s = 0.2, kMostEnsure_s = 5.0;
+// What was deleted is made again so much later: where it was made while a broker (2.9) was still at deleting, its
+// consumers never delivered anything.
+constexpr double kDeletion_s = 1.0;
 constexpr std::int64_t kMostUnacknowledged = 8192;  // parts: more than the longest message has
 
 std::string stream_name(const NatsRoute& route, std::size_t priority) {
@@ -103,6 +106,7 @@ void NatsChannel::State::on_answer(const NatsMessage& message) {
     const Publication publication = publication_of(message);
     const std::lock_guard lock(mutex);
     sender.published(number, publication, now_s());
+    if (publication.outcome == Publication::Outcome::no_stream) found_gone();
     stir();
   } else if (number < out.size()) {
     kind == 'o' ? on_state_out(number, consumer_state_of(message)) : on_state_in(number, consumer_state_of(message));
@@ -117,6 +121,10 @@ void NatsChannel::State::on_state_out(std::size_t priority, const std::optional<
     return;
   }
   shown.has_reader = state->readers > 0;
+  // Who reads has made its consumer again, and another program the stream, perhaps.
+  if (const std::string before = std::exchange(one.reader_created, state->created);
+      !before.empty() && before != state->created)
+    one.is_sure = false;
   if (state->acknowledged != one.acknowledged) one.ask_every_s = kLeastAsk_s;
   one.acknowledged = state->acknowledged;
   sender.acknowledged(priority, state->acknowledged, now_s());
@@ -148,7 +156,10 @@ void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& me
     stir();
     if (message.status != 0) {  // less than was asked for: the question is answered
       one.asked_for = 0;
-      if (message.status == 409 || message.status == 503) one.is_sure = false;  // the consumer may be gone
+      if (message.status == 409 || message.status == 503) {  // the consumer may be gone
+        one.is_sure = false;
+        found_gone();
+      }
       return;
     }
     if (one.asked_for > 0) --one.asked_for;
@@ -161,6 +172,11 @@ void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& me
     if (is_news) came.notify_all();
   }
   if (is_news) call_listener();
+}
+
+// Said again and again until it is made.
+void NatsChannel::State::found_gone() {
+  if (now_s() - gone_s > kMostEnsure_s) gone_s = now_s();
 }
 
 void NatsChannel::State::call_listener() {
@@ -237,7 +253,7 @@ void NatsChannel::State::ensure() {
   std::vector<std::size_t> streams, consumers;
   {
     const std::lock_guard lock(mutex);
-    if (now_s() - ensured_s < ensure_every_s) return;
+    if (now_s() - ensured_s < ensure_every_s || now_s() - gone_s < kDeletion_s) return;
     for (std::size_t priority = 0; priority < out.size(); ++priority) {
       if (sender.has_no_stream(priority)) out[priority].is_sure = false;
       if (!out[priority].is_sure) streams.push_back(priority);
@@ -268,7 +284,7 @@ void NatsChannel::State::ensure_streams(const std::vector<std::size_t>& prioriti
     if (!is_made) continue;
     ++shown.streams_made;
     sender.stream_lost(priority);
-    log(LogLevel::info, "made stream '" + one.stream.options().name + "'");
+    log(LogLevel::info, "stream '" + one.stream.options().name + "' is new");
   }
 }
 
@@ -284,7 +300,7 @@ void NatsChannel::State::ensure_consumers(const std::vector<std::size_t>& priori
     const std::lock_guard lock(mutex);
     one.is_sure = works;
     if (!works) continue;
-    // What was in the stream before is gone, and its sender does not learn of it: both ends begin anew.
+    // What was in the stream before is gone, and its sender may not learn of it: both ends begin anew.
     if (is_new_stream && one.was_sure) receiver.close();
     one.was_sure = true;
     one.asked_for = 0;

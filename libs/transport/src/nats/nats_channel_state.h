@@ -32,6 +32,7 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
     bool is_sure = false;  // the stream is there
     double asked_s = -1e9, ask_every_s = 0.0;
     std::uint64_t acknowledged = 0;
+    std::string reader_created{};  // as ConsumerState has it
   };
   struct Incoming {
     NatsConsumer consumer;
@@ -71,6 +72,7 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
   void on_state_out(std::size_t priority, const std::optional<ConsumerState>& state);
   void on_state_in(std::size_t priority, const std::optional<ConsumerState>& state);
   void call_listener();
+  void found_gone();  // under the lock: a stream or consumer
 
   // On its own thread.
   void ensure();
@@ -90,6 +92,7 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
   std::uint64_t generation = 0;
   std::string last_trouble;
   int times_troubled = 0;
+  double gone_s = -1e9;  // when the broker first said that a stream or consumer was gone
   double ensured_s = -1e9, ensure_every_s = 0.0, kept_s = 0.0, ticked_s = 0.0;
 };
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <thread>
+#include <utility>
 
 namespace mapweave::transport {
 namespace {
@@ -47,7 +48,7 @@ std::optional<ConsumerState> consumer_state(const Json& answer) {
     const std::uint64_t acknowledged = count_at(json.at("ack_floor"), "stream_seq");
     return ConsumerState{std::max(acknowledged, from - std::min<std::uint64_t>(from, 1)),
                          count_at(json.at("delivered"), "stream_seq"), count_at(json, "num_pending"),
-                         count_at(json, "num_waiting", 0)};
+                         count_at(json, "num_waiting", 0), json.value("created", "")};
   });
 }
 
@@ -93,7 +94,12 @@ bool NatsStream::ensure(milliseconds patience) {
                          patience);
   };
   const auto known = ask_stream(*connection_, options_.domain, options_.name, patience);
+  const auto created = [](const Json& answer) {
+    return read(answer, [](const Json& json) { return json.value("created", ""); }).value_or("");
+  };
   if (known) {
+    const std::string before = std::exchange(created_, created(*known));
+    const bool is_another = !before.empty() && before != created_;
     const bool is_as_wanted =
         read(*known, [&](const Json& json) {
           const Json& config = json.at("config");
@@ -101,10 +107,10 @@ bool NatsStream::ensure(milliseconds patience) {
             if (config.at(key) != wanted.at(key)) return false;
           return true;
         }).value_or(false);
-    if (is_as_wanted) return false;
+    if (is_as_wanted) return is_another;
     const Json updated = ask("UPDATE", wanted);
     if (error_code_of(updated) != 0) throw_refused(*connection_, "to change stream '" + options_.name + "'", updated);
-    return false;
+    return is_another;
   }
   const Json made = ask("CREATE", wanted);
   if (error_code_of(made) == kNameInUse && patience > kPause) {  // another makes it
@@ -112,6 +118,7 @@ bool NatsStream::ensure(milliseconds patience) {
     return ensure(patience - kPause);
   }
   if (error_code_of(made) != 0) throw_refused(*connection_, "to make stream '" + options_.name + "'", made);
+  created_ = created(made);
   return true;
 }
 

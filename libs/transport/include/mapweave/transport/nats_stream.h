@@ -37,9 +37,10 @@ class NatsStream {
   NatsStream(std::shared_ptr<NatsConnection> connection, StreamOptions options);
   const StreamOptions& options() const { return options_; }
 
-  // Makes it where it is missing, and sets its limits. True: it was missing. Throws Error: kMissing where the broker
-  // does not answer, kUnsupported without JetStream, kBadInput where it refuses (another stream has the subjects; no
-  // disk for so many bytes).
+  // Makes it where it is missing, and sets its limits. True: it was missing, or somebody has deleted it since the last
+  // call and made it anew: nothing of before is in it. Throws Error: kMissing where the broker does not answer,
+  // kUnsupported without JetStream, kBadInput where it refuses (another stream has the subjects; no disk for so many
+  // bytes).
   bool ensure(std::chrono::milliseconds patience);
   // nullopt: there is no such stream. Throws Error(kMissing) where the broker does not answer.
   std::optional<StreamState> state(std::chrono::milliseconds patience) const;
@@ -53,6 +54,7 @@ class NatsStream {
  private:
   std::shared_ptr<NatsConnection> connection_;
   StreamOptions options_;
+  std::string created_;  // when, as the broker says; empty: never asked
 };
 
 struct ConsumerOptions {
@@ -68,6 +70,7 @@ struct ConsumerState {
   std::uint64_t delivered = 0;     // up to there
   std::uint64_t waiting = 0;       // messages that were never delivered
   std::uint64_t readers = 0;       // requests of pull() that wait; 0: perhaps nobody reads
+  std::string created;             // when it was made; another one: it was made again
 };
 std::optional<ConsumerState> consumer_state_of(const NatsMessage& answer);
 
