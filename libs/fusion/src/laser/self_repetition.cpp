@@ -16,11 +16,14 @@ using matching::cell_of;
 using matching::WallPoint;
 
 constexpr double kCell_m = SeenRaster::kCell_m, kStep_m = 2.0 * kCell_m;  // of walls; of the first look
-constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;                 // around the part
+constexpr double kReach_m = 40.0;                                         // around the part
 constexpr double kElsewhere_m = 3.0;                                      // from the middle of the part, at least
 // Of a part that stands twice: a third of it and a room's walls. Right merges of public logs have no such place,
 // simulated rooms 18 m at most (DECISIONS.md, 66).
 constexpr double kShare = 0.32, kRoom_m = 20.0;
+// Of a part of many rooms: a corridor of 300 m of walls stands twice by 0.65 where it is rightly joined, five aisles of
+// a warehouse by 0.75.
+constexpr double kManyRooms_m = 300.0, kShareOfManyRooms = 0.7;
 // What is contradicted elsewhere, as a share of what coincides there, may be half as much again as at the place itself:
 // a quarter at least, the bound that parts of a team have, and two fifths at most.
 constexpr double kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
@@ -265,9 +268,10 @@ std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, con
   for (std::size_t host = 0; host < 2; ++host) {
     const std::size_t guest = 1 - host;
     const Part part(walls[guest], rasters[guest], walls[host], rasters[host]);
-    if (part.shared_m() < kRoom_m || part.shared_m() > kLargestPart_m) continue;
+    if (part.shared_m() < kRoom_m) continue;
+    const double share = part.shared_m() > kManyRooms_m ? kShareOfManyRooms : kShare;
     for (const auto& [repeated_m, moved] : part.places_elsewhere(rasters[host].walls_about(), boxes[host]))
-      if (repeated_m >= std::max(kRoom_m, kShare * part.shared_m()))
+      if (repeated_m >= std::max(kRoom_m, share * part.shared_m()))
         result.push_back({part.shared_m(), repeated_m, guest == 0 ? inverse(moved) : moved});
   }
   std::stable_sort(result.begin(), result.end(), [](const Repetition& l, const Repetition& r) {
