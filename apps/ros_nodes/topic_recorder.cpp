@@ -110,7 +110,7 @@ void TopicRecorder::subscribe() {
   }
 }
 
-// What these send tells of maps, not of sensors.
+// What these send is of maps, not of sensors.
 bool TopicRecorder::is_of_mapweave(const std::string& publisher) {
   const auto known = publishers_.find(publisher);
   if (known != publishers_.end()) return known->second;

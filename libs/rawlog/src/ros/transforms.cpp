@@ -52,11 +52,6 @@ bool TransformBuffer::knows(const std::string& frame) const {
          std::any_of(links_.begin(), links_.end(), [&](const auto& link) { return link.second.parent == frame; });
 }
 
-std::optional<std::string> TransformBuffer::parent_of(const std::string& frame) const {
-  const auto link = links_.find(frame);
-  return link == links_.end() ? std::nullopt : std::optional(link->second.parent);
-}
-
 std::string TransformBuffer::frames() const {
   std::string text;
   for (const auto& [child, link] : links_) text += (text.empty() ? "" : ", ") + link.parent + " -> " + child;

@@ -36,7 +36,6 @@ class TransformBuffer {
                        bool is_final) const;
 
   bool knows(const std::string& frame) const;  // as a parent or a child
-  std::optional<std::string> parent_of(const std::string& frame) const;
   bool empty() const { return links_.empty(); }
   std::string frames() const;  // "odom -> base_link, base_link -> laser"
 
