@@ -1,3 +1,5 @@
+#include "placed.h"
+
 #include <gtest/gtest.h>
 #include <laser/laser_team.h>
 #include <laser/self_repetition.h>
@@ -26,6 +28,33 @@ TEST(SelfRepetition, allows_more_where_the_place_itself_is_contradicted) {
   EXPECT_TRUE(is_contradicted(walls(100.0, 9.0), walls(100.0, 0.0)));
   EXPECT_FALSE(is_contradicted(walls(100.0, 9.0), walls(100.0, 8.0)));
   EXPECT_TRUE(is_contradicted(walls(100.0, 11.0), walls(100.0, 30.0))) << "but never much more";
+}
+
+// One robot's map, and the same map laid so many rooms farther along the row: what of it stands elsewhere.
+std::vector<Repetition> repetitions_of_rooms(int rooms, int farther) {
+  simulation::RoomRowOptions row;
+  row.rooms = rooms;
+  simulation::TeamOptions options;
+  options.robots = 1;
+  const auto team = simulation::make_repeated_rooms(row, options);
+  const Placed placed(team.robots[0], team.laser);
+  std::vector<std::shared_ptr<const WallSight>> sights;
+  for (int copy = 0; copy < 2; ++copy)
+    for (const auto& model : placed.models()) sights.push_back(std::make_shared<const WallSight>(*model));
+  const Pose2 world_from_map = team.robots[0].steps.front().world_from_robot;
+  const Pose2 shifted =
+      compose(inverse(world_from_map), compose(Pose2{farther * row.room_width_m, 0.0, 0.0}, world_from_map));
+  return self_repetitions(placed.at({}, 0), placed.at(shifted, placed.models().size()),
+                          [&](std::size_t number) { return sights.at(number); });
+}
+
+TEST(SelfRepetition, is_seen_of_one_room_and_of_many) {
+  for (const int rooms : {4, 14}) {
+    const auto found = repetitions_of_rooms(rooms, 1);
+    ASSERT_FALSE(found.empty()) << rooms;
+    EXPECT_EQ(found.front().shared_m > 300.0, rooms == 14) << found.front().shared_m;
+    EXPECT_GT(found.front().repeated_m, 0.7 * found.front().shared_m) << rooms;
+  }
 }
 
 WallAgreement agreement_of(double distinctive_m, double contradicted_m, double unclear_m) {

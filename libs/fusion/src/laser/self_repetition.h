@@ -12,12 +12,12 @@ namespace mapweave::fusion {
 // contradicted.
 struct Repetition {
   double shared_m = 0.0;    // walls of the part that coincide where it lies
-  double repeated_m = 0.0;  // the same elsewhere: at least a third of them, and as much as the walls of a room
+  double repeated_m = 0.0;  // the same elsewhere: as much as the walls of a room at least, and a share of shared_m
   Pose2 b_moved;            // the motion of the team's plane by which b lies to a as the part does elsewhere
 };
 
-// Of either side's part, those that repeat most first, few. Parts of more than 300 m of wall are taken to stand only
-// once.
+// Of either side's part, those that repeat most first, few: parts of which a third stands elsewhere, and seven tenths
+// where they have more than 300 m of wall.
 std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b,
                                          const SightOf& sight_of);
 
