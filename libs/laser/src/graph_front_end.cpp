@@ -35,6 +35,9 @@ constexpr double kSearchSigmas = 2.0, kLeastSearchSigma_m = 0.05, kLeastSearchSi
 constexpr double kPoorFit = 0.6, kWiderTurn = 2.0, kWiderShift = 1.5;
 constexpr double kGate = 9.0;          // squared: past three sigmas odometry is slip, and gives way (DECISIONS.md, 6)
 constexpr double kContradicted = 3.0;  // sigmas: as the gate; a turn that the match finds otherwise is the match's
+// Of the points of a scan, relative to points with independent errors, where matches are as good as that: more is worth
+// nothing on any log, and walls that are not flat mislead all points together (DECISIONS.md, 118).
+constexpr double kMostPointInformation = 0.5;
 constexpr double kBestMatch_m2 = 2.5e-5, kBestMatch_rad2 = 7.6e-7;  // no match is surer than 5 mm and 0.05 degrees
 constexpr double kNoTime_s = 1e-3;                                  // scans as near in time have no speed
 
@@ -79,7 +82,7 @@ FrontEnd::Step FrontEnd::next_step(Stamp stamp) {
   } else {
     step.prior = {kBlindSigma_m + kBlindSigma_per_m * step.distance_m,
                   kBlindSigma_rad + kBlindSigma_per_rad * step.turn_rad};
-    heading_quality_.add_heading(std::nullopt);
+    heading_quality_.add_gap();
   }
   turn_by_unit(step);
   step.predicted = compose(local_from_last_, step.motion);
@@ -108,6 +111,11 @@ void FrontEnd::turn_by_unit(Step& step) const {
   step.from_unit = true;
 }
 
+double FrontEnd::point_information_scale() const {
+  const double least = options_.point_information_scale, most = std::max(least, kMostPointInformation);
+  return std::clamp(heading_quality_.match_information().value_or(least), least, most);
+}
+
 FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, const Step& step) {
   Matched result;
   if (few.size() < kFewestPoints || active_.empty()) return result;
@@ -131,10 +139,12 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   }
   if (!coarse) return result;
   result.coarse = coarse->field_from_scan;
-  // The points share errors; so that the prior weighs against them as it should, it is scaled instead.
-  const double scale = std::sqrt(options_.point_information_scale);
+  // The points share errors; so that the prior weighs against them as it should, it is scaled instead. In the graph
+  // odometry is scaled (motion_constraint): how good the next match is says nothing of what the whole submap is bent
+  // by.
+  const double information_scale = point_information_scale(), scale = std::sqrt(information_scale);
   const matching::PriorWeight relative{step.prior.sigma_m * scale, step.prior.sigma_yaw_rad * scale,
-                                       kGate / options_.point_information_scale};
+                                       kGate / information_scale};
   auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
   // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must show clearly that
   // odometry is wrong.
@@ -158,15 +168,17 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
 }
 
 // By a match that knows of nothing but the walls.
-std::optional<double> FrontEnd::free_heading(const std::vector<matching::WallPoint>& few,
-                                             const Pose2& submap_from_scan) const {
+std::optional<MatchedHeading> FrontEnd::free_heading(const std::vector<matching::WallPoint>& few,
+                                                     const Pose2& submap_from_scan) const {
   const Active& against = active_.front();
   const auto free = matching::refine(against.field, few, submap_from_scan, {}, nullptr);
   if (free.inliers < options_.min_inliers) return std::nullopt;
-  return against.local_from_submap.phi + free.field_from_scan.phi;
+  // Along a bare wall the place is open: a little information makes the matrix one that has an inverse.
+  const Eigen::Matrix3d covariance = (free.information + 1e-3 * Eigen::Matrix3d::Identity()).inverse();
+  return MatchedHeading{against.local_from_submap.phi + free.field_from_scan.phi, std::sqrt(covariance(2, 2))};
 }
 
-// How good odometry and the inertial unit are at headings.
+// How good odometry, the matches and the inertial unit are at headings.
 void FrontEnd::learn_heading(const Taken& taken, const Step& step, const Matched& found) {
   if (step.measured_turn_rad && found.is_found)
     calibration_.add_step(step.seconds, *step.measured_turn_rad,
@@ -176,9 +188,9 @@ void FrontEnd::learn_heading(const Taken& taken, const Step& step, const Matched
   const bool of_wheels = step.from_odometry && heading_quality_.wants_heading();
   const bool of_unit = step.measured_turn_rad && calibration_.wants_heading();
   if (!found.coarse || !(of_wheels || of_unit)) return;
-  const std::optional<double> heading_rad = free_heading(taken.few, *found.coarse);
-  if (of_wheels) heading_quality_.add_heading(heading_rad);
-  if (of_unit) calibration_.add_heading(heading_rad);
+  const std::optional<MatchedHeading> matched = free_heading(taken.few, *found.coarse);
+  if (of_wheels) heading_quality_.add_heading(matched);
+  if (of_unit) calibration_.add_heading(matched ? std::optional(matched->heading_rad) : std::nullopt);
 }
 
 bool FrontEnd::awaits_inertial(const ScanInput& input) const {
@@ -316,7 +328,8 @@ Constraint FrontEnd::motion_constraint(const NodeId& id, const Step& step,
   const double sigma_yaw = missed > kContradicted * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
   const Eigen::Matrix3d known = step.from_odometry ? planar_information(step.prior.sigma_m, sigma_yaw)
                                                    : planar_information(slow, step.from_unit ? sigma_yaw : slow);
-  return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, known);
+  const double scale = matched_motion ? options_.point_information_scale / point_information_scale() : 1.0;
+  return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, scale * known);
 }
 
 // From the last scan to this one. False where neither a match nor odometry says where it is.

@@ -82,7 +82,9 @@ class FrontEnd {
   Matched match_sweep(const ScanInput& given, Taken& taken, const Step& step);
   Matched match(const std::vector<matching::WallPoint>& few, const Step& step);
   void turn_by_unit(Step& step) const;
-  std::optional<double> free_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) const;
+  double point_information_scale() const;  // as the option has it, until matches are known to be better
+  std::optional<MatchedHeading> free_heading(const std::vector<matching::WallPoint>& few,
+                                             const Pose2& submap_from_scan) const;
   void learn_heading(const Taken& taken, const Step& step, const Matched& found);
   Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
   // How the robot moved from a scan's stamp on, or before it, as odometry and the inertial unit say.

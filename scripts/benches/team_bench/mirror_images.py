@@ -23,7 +23,7 @@ def grids():
 
 
 def read_grey_png(path):
-    """Rows of an 8-bit grey PNG without interlacing."""
+    """Rows of an 8-bit PNG without palette or interlacing; colours become their mean, what is transparent is left as it is."""
     data, position, packed, header = path.read_bytes(), 8, b"", None
     while position < len(data):
         size, kind = struct.unpack(">I4s", data[position:position + 8])
@@ -34,13 +34,15 @@ def read_grey_png(path):
             packed += body
         position += 12 + size
     width, height, depth, colour, _, _, interlaced = header
-    if (depth, colour, interlaced) != (8, 0, 0):
-        common.give_up(f"{path} is no grey picture of 8 bits")
-    raw, rows, above = zlib.decompress(packed), [], bytes(width)
+    channels = {0: 1, 2: 3, 4: 2, 6: 4}.get(colour)
+    if depth != 8 or interlaced or not channels:
+        common.give_up(f"{path} is no picture of 8 bits without palette and interlacing")
+    stride = channels * width
+    raw, rows, above = zlib.decompress(packed), [], bytes(stride)
     for y in range(height):
-        kind, line = raw[y * (width + 1)], bytearray(raw[y * (width + 1) + 1:(y + 1) * (width + 1)])
-        for x in range(width if kind else 0):
-            left, upper, corner = line[x - 1] if x else 0, above[x], above[x - 1] if x else 0
+        kind, line = raw[y * (stride + 1)], bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
+        for x in range(stride if kind else 0):
+            left, upper, corner = line[x - channels] if x >= channels else 0, above[x], above[x - channels] if x >= channels else 0
             if kind == 4:
                 estimate = left + upper - corner
                 near = min((abs(estimate - left), 0, left), (abs(estimate - upper), 1, upper), (abs(estimate - corner), 2, corner))[2]
@@ -48,7 +50,8 @@ def read_grey_png(path):
                 near = {1: left, 2: upper, 3: (left + upper) // 2}[kind]
             line[x] = (line[x] + near) & 255
         above = bytes(line)
-        rows.append(above)
+        colours = channels - 1 + channels % 2
+        rows.append(above if channels == 1 else bytes(sum(above[x:x + colours]) // colours for x in range(0, stride, channels)))
     return rows
 
 

@@ -82,7 +82,8 @@ struct FrontEndOptions {
                    "learned from the scans; larger values trust the laser more");
     v.fraction("point_information_scale", point_information_scale,
                "information of a scan match relative to that of points with independent errors; below 1, because the "
-               "points of a scan share errors; larger values trust scan matches more");
+               "points of a scan share errors; where the headings of matches are seen to be better, up to 0.5; larger "
+               "values trust scan matches more");
     v.integer("lost_scans", lost_scans, 1, 100000,
               "number of consecutive scans without odometry that match nowhere after which a new, unconnected piece of "
               "map begins; larger values begin a new piece later");
