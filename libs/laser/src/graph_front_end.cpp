@@ -159,7 +159,9 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   result.score = match.score;
   result.submap_from_node = match.field_from_scan;
   result.local_from_node = compose(against.local_from_submap, match.field_from_scan);
-  result.information = options_.point_information_scale * match.information;
+  const double heading_scale = std::sqrt(options_.point_information_scale);
+  const Eigen::Matrix3d spread = Eigen::Vector3d(scale, scale, heading_scale).asDiagonal();
+  result.information = spread * match.information * spread;
   const Eigen::Matrix3d floor = Eigen::Vector3d(kBestMatch_m2, kBestMatch_m2, kBestMatch_rad2).asDiagonal();
   result.information =
       ((Eigen::Matrix3d::Identity() + result.information * floor).inverse() * result.information).eval();
@@ -324,12 +326,13 @@ Constraint FrontEnd::motion_constraint(const NodeId& id, const Step& step,
   const double seconds = std::max(kShortestSlow_s, step.seconds), slow = kSlow_per_s * seconds;
   // If the match contradicts odometry's heading by more than kContradicted sigmas, the difference becomes the sigma.
   const double missed = matched_motion ? std::abs(wrap_angle(matched_motion->phi - step.motion.phi)) : 0.0;
-  const double prior_yaw = step.prior.sigma_yaw_rad;
+  // What odometry is worth beside a match, whose information in the graph is not scaled by how good matches are.
+  const double scale = matched_motion ? std::sqrt(point_information_scale() / options_.point_information_scale) : 1.0;
+  const double prior_yaw = scale * step.prior.sigma_yaw_rad;
   const double sigma_yaw = missed > kContradicted * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
   const Eigen::Matrix3d known = step.from_odometry ? planar_information(step.prior.sigma_m, sigma_yaw)
                                                    : planar_information(slow, step.from_unit ? sigma_yaw : slow);
-  const double scale = matched_motion ? options_.point_information_scale / point_information_scale() : 1.0;
-  return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, scale * known);
+  return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, known);
 }
 
 // From the last scan to this one. False where neither a match nor odometry says where it is.

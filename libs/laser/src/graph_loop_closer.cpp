@@ -154,21 +154,33 @@ LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, con
   return search(a, b, window, map);
 }
 
-LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, const matching::WideWindow& window,
-                                               const Map& map) {
+Judgement LaserLoopCloser::judged(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map) {
   throw_if_interrupted();
-  Judgement judgement = matching::judge(view_of(a, map), view_of(b, map), window, options_.judge);
-  if (judgement.doubt == Reason::contradiction || judgement.doubt == Reason::inconsistent) return Found::contradiction;
-  if (judgement.hypotheses.empty() || judgement.doubt != Reason::none ||
-      judgement.probability < options_.loops.min_probability)
-    return Found::nothing;
+  return matching::judge(view_of(a, map), view_of(b, map), window, options_.judge);
+}
+
+bool LaserLoopCloser::is_believed(const Judgement& judgement) const {
+  return !judgement.hypotheses.empty() && judgement.doubt == Reason::none &&
+         judgement.probability >= options_.loops.min_probability;
+}
+
+LaserLoopCloser::Loop LaserLoopCloser::loop_of(std::size_t a, std::size_t b, Judgement judgement) {
   Loop loop;
   loop.a = a;
   loop.b = b;
   loop.a_from_b = planar(judgement.hypotheses.front().a_from_b.pose);
   loop.information = planar(judgement.hypotheses.front().covariance).inverse();
-  loop.sure = window.radius_m <= options_.loops.confirm_radius_m;
   loop.judgement = std::move(judgement);
+  return loop;
+}
+
+LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, const matching::WideWindow& window,
+                                               const Map& map) {
+  Judgement judgement = judged(a, b, window, map);
+  if (judgement.doubt == Reason::contradiction || judgement.doubt == Reason::inconsistent) return Found::contradiction;
+  if (!is_believed(judgement)) return Found::nothing;
+  Loop loop = loop_of(a, b, std::move(judgement));
+  loop.sure = window.radius_m <= options_.loops.confirm_radius_m;
   loops_.push_back(std::move(loop));
   return Found::loop;
 }
@@ -256,7 +268,7 @@ void LaserLoopCloser::finish(const Map& map) {
   cache_.clear();
 }
 
-int LaserLoopCloser::look_near(const Map& map, const std::vector<Pose2>& before) {
+int LaserLoopCloser::look_near(const Map& map, const std::vector<Pose2>& before, const Pairs& counted) {
   const std::vector<Eigen::Vector2d> centres_before = centres_by(before);
   int balance = 0;
   for (int round = 0; round < kFinishRounds; ++round) {
@@ -277,7 +289,8 @@ int LaserLoopCloser::look_near(const Map& map, const std::vector<Pose2>& before)
         const std::size_t a = candidate.second;
         const Found here = search(a, b, uncertainty[a], map);
         found = here == Found::loop || found;
-        if ((centres_before[a] - centres_before[b]).norm() < kFinishApart_m + kFarBefore_m) continue;
+        if ((centres_before[a] - centres_before[b]).norm() < kFinishApart_m + kFarBefore_m || counted.count({a, b}) > 0)
+          continue;
         balance += here == Found::loop ? 1 : here == Found::contradiction ? -1 : 0;
       }
     }

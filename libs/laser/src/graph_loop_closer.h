@@ -5,6 +5,7 @@
 #include <mapweave/laser/graph_options.h>
 #include <mapweave/matching/model_cache.h>
 
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -55,6 +56,7 @@ class LaserLoopCloser {
     std::vector<matching::RingKey> keys;
   };
   enum class Found { nothing, loop, contradiction };
+  using Pairs = std::set<std::pair<std::size_t, std::size_t>>;  // of submaps
   using Cluster = std::vector<std::size_t>;  // numbers of loops between the same two stretches of the path
 
   // The middles of the submaps' walls, in the map.
@@ -63,6 +65,9 @@ class LaserLoopCloser {
   // Of every submap as seen from `from`: along the path of least uncertainty through the graph.
   std::vector<Uncertainty> uncertainty_from(std::size_t from) const;
   bool is_known(std::size_t a, std::size_t b) const;  // whether there is a loop between them
+  Judgement judged(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map);
+  bool is_believed(const Judgement& judgement) const;
+  static Loop loop_of(std::size_t a, std::size_t b, Judgement judgement);  // of its best hypothesis
   Found search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map);
   Found search(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map);
   void commit_agreeing();
@@ -70,8 +75,8 @@ class LaserLoopCloser {
   graph::Edge edge_of(const Loop& loop) const;
   void solve();
   // Searches pairs that lie near each other, in rounds. Returns by how many more of them hold than contradict, of those
-  // that `before` has far from each other.
-  int look_near(const Map& map, const std::vector<Pose2>& before);
+  // that `before` has far from each other and that are not `counted` already.
+  int look_near(const Map& map, const std::vector<Pose2>& before, const Pairs& counted = {});
 
   // loop_folds.cpp. True: some were taken back.
   bool take_back_folds(const Map& map);
@@ -80,8 +85,9 @@ class LaserLoopCloser {
 
   // unexpected_loops.cpp. Leaves everything as it was where none is believed.
   void close_unexpected(const Map& map);
+  bool closes(const std::vector<Loop>& proposed, const Map& map);
   std::vector<std::pair<std::size_t, std::size_t>> alike() const;  // the most alike first
-  int search_beside(const Loop& loop, const Map& map);             // how many pairs contradict it
+  void search_beside(const Loop& loop, const Map& map, Pairs& contradicting);
 
   GraphMapperOptions options_;
   matching::ModelCache cache_;
