@@ -1,5 +1,7 @@
+#include <mapweave/core/format.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
+#include <mapweave/fusion/visit_audit.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/runtime/laser_task.h>
 #include <mapweave/runtime/metrics.h>
@@ -150,6 +152,17 @@ void LaserTask::move() {
 
 Map LaserTask::map_so_far() { return state_->slam && !state_->outcome ? state_->slam->map_so_far() : Map(); }
 
+namespace {
+
+std::string note_on_walls(const RobotId& robot, const fusion::DoubledWalls& walls) {
+  return format(
+      "robot %s: %.0f m of the walls of its own map stand double, most of them around (%.0f, %.0f): what it saw "
+      "from %.0f s and from %.0f s on does not agree; look at the map there before you rely on it",
+      robot.str().c_str(), walls.length_m, walls.x_m, walls.y_m, walls.first.seconds(), walls.then.seconds());
+}
+
+}  // namespace
+
 LaserOutcome LaserTask::finish() {
   State& state = *state_;
   state.task.reset();
@@ -176,6 +189,9 @@ LaserOutcome LaserTask::finish() {
   result.notes = state.units.notes();
   for (const std::string& note : result.outcome.notes)
     result.notes.push_back("robot " + state.robot.id.str() + ": " + note);
+  if (result.outcome.map)
+    if (const auto walls = fusion::audit_visits(*result.outcome.map))
+      result.notes.push_back(note_on_walls(state.robot.id, *walls));
   if (const auto note = note_on_packing(state.robot.id, state.agent.packer(), state.configuration.laser))
     result.notes.push_back(*note);
   return result;

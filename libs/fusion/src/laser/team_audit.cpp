@@ -29,6 +29,7 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
                 const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts,
                 const GhostBounds& bounds) {
   std::map<std::pair<std::size_t, std::size_t>, AuditedPair> pairs;
+  std::map<std::pair<std::size_t, std::size_t>, double> most_m;  // ghosts of a pair in one region
   std::vector<double> ghosts_m(maps.size(), 0.0);
   RegionDisplacement displacement(maps, sight_of);
   for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
@@ -43,6 +44,11 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     const RegionAgreement around = region.centred();
     if (!is_ghost(around, bounds) || shows_what_moved(around, displacement)) continue;
     pair.ghosts_m += in_doubt_m(region);
+    if (double& most = most_m[{region.a, region.b}]; in_doubt_m(region) > most) {
+      most = in_doubt_m(region);
+      pair.ghost_x_m = region.x_m;
+      pair.ghost_y_m = region.y_m;
+    }
     ghosts_m[region.a] += in_doubt_m(region);
     ghosts_m[region.b] += in_doubt_m(region);
   }

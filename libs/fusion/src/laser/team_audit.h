@@ -14,6 +14,7 @@ struct AuditedPair {
   double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
   std::vector<Contradiction> contradictions;  // longest first; those over 0.6 m
   double ghosts_m = 0.0;                      // contradicted and unclear, in regions where they are too many
+  double ghost_x_m = 0.0, ghost_y_m = 0.0;    // the middle of the region with most of them, team frame
 };
 
 struct TeamAudit {
