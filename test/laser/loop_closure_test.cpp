@@ -96,6 +96,50 @@ TEST(LoopClosure, closes_loops_that_end_farther_away_than_it_looks_for_them) {
   }
 }
 
+// Houses beside streets, which a laser that looks ahead sees from the other side on the way back.
+simulation::FloorPlan town(const std::vector<Point2>& streets, std::uint64_t seed) {
+  constexpr double kPitch_m = 7.0, kAround_m = 25.0, kKerb_m = 3.0;
+  simulation::FloorPlan plan;
+  simulation::Box all{0.0, 0.0, 0.0, 0.0};
+  for (const Point2& corner : streets)
+    all = {std::min(all.low_x, corner.x - kAround_m), std::min(all.low_y, corner.y - kAround_m),
+           std::max(all.high_x, corner.x + kAround_m), std::max(all.high_y, corner.y + kAround_m)};
+  plan.rooms.push_back({"all", all});
+  const auto on_street = [&](const simulation::Box& house) {
+    for (std::size_t i = 0; i + 1 < streets.size(); ++i)
+      if (house.low_x < std::max(streets[i].x, streets[i + 1].x) + kKerb_m &&
+          house.high_x > std::min(streets[i].x, streets[i + 1].x) - kKerb_m &&
+          house.low_y < std::max(streets[i].y, streets[i + 1].y) + kKerb_m &&
+          house.high_y > std::min(streets[i].y, streets[i + 1].y) - kKerb_m)
+        return true;
+    return false;
+  };
+  const simulation::RandomStream random(seed, "houses");
+  std::uint64_t number = 0;
+  for (double y = all.low_y; y < all.high_y; y += kPitch_m)
+    for (double x = all.low_x; x < all.high_x; x += kPitch_m) {
+      auto draw = random.at(number++);
+      const double low_x = x + 3.0 * draw.uniform(), low_y = y + 3.0 * draw.uniform();
+      const simulation::Box house{low_x, low_y, low_x + 0.4 + 1.6 * draw.uniform(), low_y + 0.4 + 1.6 * draw.uniform()};
+      if (!on_street(house)) add_rectangle(plan, house);
+    }
+  return plan;
+}
+
+// Out along a street, around a block, and home along the street. Angles of the laser are wrong, so that the loop ends
+// farther away than drift explains.
+TEST(LoopClosure, closes_a_loop_by_what_it_saw_from_the_other_side) {
+  const std::vector<Point2> streets{{0, 0}, {60, 0}, {60, 80}, {200, 80}, {200, 0}, {60, 0}, {0, 0}};
+  simulation::SimulatedLaserOptions laser;
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+    const auto robot = driven(town(streets, seed), streets, laser, seed);
+    GraphMapperOptions options;
+    options.loops.max_radius_m = 1.0;
+    const Map map = test::mapped(robot, bent(laser, 0.97), true, options);
+    EXPECT_LT(test::error_m(map, robot), 2.5) << seed;  // where it is missed: 8
+  }
+}
+
 TEST(LoopClosure, takes_no_aisle_of_a_warehouse_for_another) {
   simulation::SimulatedLaserOptions laser;
   const Warehouse few{4, 40.0, 2.4, 1.2, 3.0}, many{8, 40.0, 2.4, 1.2, 3.0};

@@ -154,9 +154,10 @@ LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, con
   return search(a, b, window, map);
 }
 
-Judgement LaserLoopCloser::judged(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map) {
+Judgement LaserLoopCloser::judged(std::size_t a, std::size_t b, const matching::WideWindow& window,
+                                  const matching::JudgeOptions& options, const Map& map) {
   throw_if_interrupted();
-  return matching::judge(view_of(a, map), view_of(b, map), window, options_.judge);
+  return matching::judge(view_of(a, map), view_of(b, map), window, options);
 }
 
 bool LaserLoopCloser::is_believed(const Judgement& judgement) const {
@@ -176,8 +177,8 @@ LaserLoopCloser::Loop LaserLoopCloser::loop_of(std::size_t a, std::size_t b, Jud
 
 LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, const matching::WideWindow& window,
                                                const Map& map) {
-  Judgement judgement = judged(a, b, window, map);
-  if (judgement.doubt == Reason::contradiction || judgement.doubt == Reason::inconsistent) return Found::contradiction;
+  Judgement judgement = judged(a, b, window, options_.judge, map);
+  if (contradicts(judgement)) return Found::contradiction;
   if (!is_believed(judgement)) return Found::nothing;
   Loop loop = loop_of(a, b, std::move(judgement));
   loop.sure = window.radius_m <= options_.loops.confirm_radius_m;
@@ -185,33 +186,27 @@ LaserLoopCloser::Found LaserLoopCloser::search(std::size_t a, std::size_t b, con
   return Found::loop;
 }
 
+// Whether two loops between the same two stretches of the path say the same. The path along each is short, so that it
+// hardly drifts.
+bool LaserLoopCloser::agree(const Loop& one, const Loop& other) const {
+  const std::size_t steps_a = std::max(one.a, other.a) - std::min(one.a, other.a);
+  const std::size_t steps_b = std::max(one.b, other.b) - std::min(one.b, other.b);
+  if (steps_a > kSupporting || steps_b > kSupporting || steps_a + steps_b == 0) return false;
+  const Pose2 by_other = compose(compose(between(poses_[one.a], poses_[other.a]), other.a_from_b),
+                                 between(poses_[other.b], poses_[one.b]));
+  const Pose2 apart = between(one.a_from_b, by_other);
+  const auto steps = static_cast<double>(steps_a + steps_b);
+  return std::hypot(apart.x, apart.y) < kAgree_m + kAgreePerStep_m * steps &&
+         std::abs(apart.phi) < kAgree_rad + kAgreePerStep_rad * steps;
+}
+
 // A loop from a wide window is believed once a second one, of other submaps, says the same.
 void LaserLoopCloser::commit_agreeing() {
-  for (auto& loop : loops_) {
-    if (loop.state != State::open) continue;
-    if (loop.sure) {
+  for (auto& loop : loops_)
+    if (loop.state == State::open && (loop.sure || std::any_of(loops_.begin(), loops_.end(), [&](const Loop& other) {
+                                        return other.state != State::folding && agree(loop, other);
+                                      })))
       loop.state = State::committed;
-      continue;
-    }
-    for (const auto& other : loops_) {
-      if (&other == &loop || other.state == State::folding || (other.a == loop.a && other.b == loop.b)) continue;
-      if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > kSupporting ||
-          std::max(other.b, loop.b) - std::min(other.b, loop.b) > kSupporting)
-        continue;
-      // Around the cycle: a -> b -> other.b -> other.a -> a. The chain along the robot's path is short, so it hardly
-      // drifts.
-      const Pose2 by_other = compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b),
-                                     between(poses_[other.b], poses_[loop.b]));
-      const Pose2 apart = between(loop.a_from_b, by_other);
-      const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) +
-                                             std::max(other.b, loop.b) - std::min(other.b, loop.b));
-      if (std::hypot(apart.x, apart.y) < kAgree_m + kAgreePerStep_m * steps &&
-          std::abs(apart.phi) < kAgree_rad + kAgreePerStep_rad * steps) {
-        loop.state = State::committed;
-        break;
-      }
-    }
-  }
 }
 
 std::vector<graph::Edge> LaserLoopCloser::steps() const {

@@ -5,6 +5,7 @@
 #include <mapweave/laser/graph_options.h>
 #include <mapweave/matching/model_cache.h>
 
+#include <functional>
 #include <set>
 #include <utility>
 #include <vector>
@@ -55,6 +56,11 @@ class LaserLoopCloser {
     float radius_m;
     std::vector<matching::RingKey> keys;
   };
+  struct Revisit {  // stretches of the path, by their first submaps, a < b
+    std::size_t a, b;
+    double yaw_rad;  // by which the heading may be off
+  };
+  using Stretch = std::function<const matching::SubmapView&(std::size_t first)>;
   enum class Found { nothing, loop, contradiction };
   using Pairs = std::set<std::pair<std::size_t, std::size_t>>;  // of submaps
   using Cluster = std::vector<std::size_t>;  // numbers of loops between the same two stretches of the path
@@ -65,11 +71,14 @@ class LaserLoopCloser {
   // Of every submap as seen from `from`: along the path of least uncertainty through the graph.
   std::vector<Uncertainty> uncertainty_from(std::size_t from) const;
   bool is_known(std::size_t a, std::size_t b) const;  // whether there is a loop between them
-  Judgement judged(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map);
+  Judgement judged(std::size_t a, std::size_t b, const matching::WideWindow& window,
+                   const matching::JudgeOptions& options, const Map& map);
   bool is_believed(const Judgement& judgement) const;
+  static bool contradicts(const Judgement& judgement);
   static Loop loop_of(std::size_t a, std::size_t b, Judgement judgement);  // of its best hypothesis
   Found search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map);
   Found search(std::size_t a, std::size_t b, const matching::WideWindow& window, const Map& map);
+  bool agree(const Loop& one, const Loop& other) const;
   void commit_agreeing();
   std::vector<graph::Edge> steps() const;  // of the path, from each submap to the next
   graph::Edge edge_of(const Loop& loop) const;
@@ -85,8 +94,12 @@ class LaserLoopCloser {
 
   // unexpected_loops.cpp. Leaves everything as it was where none is believed.
   void close_unexpected(const Map& map);
-  bool closes(const std::vector<Loop>& proposed, const Map& map);
-  std::vector<std::pair<std::size_t, std::size_t>> alike() const;  // the most alike first
+  matching::SubmapView stretch_from(std::size_t first, const Map& map) const;
+  std::vector<Revisit> possible_revisits(std::size_t b) const;
+  std::vector<Revisit> alike(const Stretch& stretch) const;
+  matching::WideWindow window_of(const Revisit& revisit, const Stretch& stretch) const;
+  std::vector<Loop> proposed_loops(const Stretch& stretch) const;
+  bool closes(const Loop& proposed, const Map& map);
   void search_beside(const Loop& loop, const Map& map, Pairs& contradicting);
 
   GraphMapperOptions options_;
