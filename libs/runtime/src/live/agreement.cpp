@@ -1,4 +1,4 @@
-#include "../team_options.h"
+#include "plan/team_options.h"
 
 #include <mapweave/core/options.h>
 #include <mapweave/runtime/live_robot.h>

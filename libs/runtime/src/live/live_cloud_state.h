@@ -5,8 +5,8 @@
 #include "numbered_wire.h"
 #include "robot_record.h"
 
-#include "../journal_saver.h"
-#include "../team_run.h"
+#include "team/journal_saver.h"
+#include "team/team_run.h"
 
 #include <mapweave/runtime/live_cloud.h>
 #include <mapweave/tiers/round_merger.h>

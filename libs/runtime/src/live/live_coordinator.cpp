@@ -3,8 +3,8 @@
 #include "measures.h"
 #include "program_word.h"
 
-#include "../coordinated_robots.h"
-#include "../report_parts.h"
+#include "results/report_parts.h"
+#include "robots/coordinated_robots.h"
 
 #include <mapweave/core/log.h>
 #include <mapweave/tiers/coordinator.h>

@@ -1,6 +1,6 @@
 #include "live_edge_state.h"
 
-#include "../team_options.h"
+#include "plan/team_options.h"
 
 #include <mapweave/core/log.h>
 #include <mapweave/core/stopwatch.h>

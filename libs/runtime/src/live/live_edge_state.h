@@ -6,7 +6,7 @@
 #include "on_board.h"
 #include "robot_record.h"
 
-#include "../journal_saver.h"
+#include "team/journal_saver.h"
 
 #include <mapweave/runtime/live_edge.h>
 #include <mapweave/tiers/edge_server.h>

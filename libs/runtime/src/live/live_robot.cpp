@@ -2,7 +2,7 @@
 #include "on_board.h"
 #include "sharing_cameras.h"
 
-#include "../unit_notes.h"
+#include "robots/unit_notes.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>

@@ -2,7 +2,7 @@
 // What is known of a deployment's wires and processors: as it was measured; else as the configuration has it; else,
 // where others of the kind were measured, like these, so that what nobody measured looks neither better nor worse.
 
-#include "../planned_links.h"
+#include "plan/planned_links.h"
 
 #include <mapweave/scheduling/latency_model.h>
 

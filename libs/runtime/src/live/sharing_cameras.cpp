@@ -1,6 +1,6 @@
 #include "sharing_cameras.h"
 
-#include "../shared_cameras.h"
+#include "robots/shared_cameras.h"
 
 #include <mapweave/core/log.h>
 

@@ -1,6 +1,6 @@
 #include "lasers_in_step.h"
 #include "coordinated_robots.h"
-#include "fusion_rounds.h"
+#include "team/fusion_rounds.h"
 
 #include <algorithm>
 #include <cmath>

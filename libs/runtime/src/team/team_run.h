@@ -4,8 +4,8 @@
 
 #include "given_maps.h"
 #include "metered_tiers.h"
-#include "results.h"
-#include "start_maps.h"
+#include "plan/start_maps.h"
+#include "results/results.h"
 
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/live_requests.h>

@@ -1,7 +1,7 @@
 #include "fusion_rounds.h"
 
-#include "log_parts.h"
 #include "metered_tiers.h"
+#include "plan/log_parts.h"
 
 #include <mapweave/runtime/merge_requests.h>
 

@@ -2,9 +2,9 @@
 // What a live map server consists of: handlers, who take turns for what waits on links (live_handlers.cpp), one thread
 // that merges (live_merging.cpp), and the links (live_links.cpp).
 
-#include "client_wire.h"
-#include "journal_saver.h"
-#include "spent_time.h"
+#include "robots/client_wire.h"
+#include "robots/spent_time.h"
+#include "team/journal_saver.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/runtime/live_map_server.h>

@@ -1,5 +1,5 @@
 #include "results.h"
-#include "given_maps.h"
+#include "team/given_maps.h"
 #include "team_trajectories.h"
 #include "trajectory_output.h"
 

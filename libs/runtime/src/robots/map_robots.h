@@ -2,8 +2,8 @@
 // All robots of a run from their logs to their maps, each a task of the worker pool.
 
 #include "coordinated_robots.h"
-#include "fusion_rounds.h"
-#include "start_maps.h"
+#include "plan/start_maps.h"
+#include "team/fusion_rounds.h"
 
 #include <mapweave/runtime/cluster.h>
 #include <mapweave/runtime/robot_task.h>

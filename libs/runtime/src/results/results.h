@@ -2,7 +2,7 @@
 // The folder that run, slam and merge leave: maps with their pictures, and the papers beside them.
 
 #include "dense_map.h"
-#include "kept_requests.h"
+#include "team/kept_requests.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/progress.h>

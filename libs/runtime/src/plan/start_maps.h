@@ -2,8 +2,8 @@
 // Maps that a run begins with: those of sessions before it (`maps`, --map). They take part as maps of robots that have
 // ended already, and the first of them gives the frame.
 
-#include "given_maps.h"
-#include "kept_requests.h"
+#include "team/given_maps.h"
+#include "team/kept_requests.h"
 
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/run_configuration.h>

@@ -3,7 +3,7 @@
 // robots have so far, and the cloud what edges have. Previews: no final map knows of them. The same for any number of
 // threads, but for the times that are measured.
 
-#include "lasers_in_step.h"
+#include "robots/lasers_in_step.h"
 
 #include <mapweave/runtime/report.h>
 #include <mapweave/tiers/round_merger.h>

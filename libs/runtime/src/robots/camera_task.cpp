@@ -1,6 +1,6 @@
 #include <mapweave/runtime/camera_task.h>
 
-#include "sheet_collector.h"
+#include "results/sheet_collector.h"
 #include "unit_notes.h"
 
 #include <mapweave/core/interrupt.h>

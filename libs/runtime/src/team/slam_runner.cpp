@@ -1,6 +1,6 @@
-#include "map_robots.h"
-#include "robot_results.h"
-#include "start_maps.h"
+#include "plan/start_maps.h"
+#include "results/robot_results.h"
+#include "robots/map_robots.h"
 
 #include <mapweave/core/format.h>
 #include <mapweave/core/interrupt.h>

@@ -1,5 +1,5 @@
 #include "coordinated_robots.h"
-#include "planned_links.h"
+#include "plan/planned_links.h"
 
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/metrics.h>

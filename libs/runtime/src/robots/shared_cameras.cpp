@@ -1,7 +1,7 @@
 #include "shared_cameras.h"
 
-#include "file_shelf.h"
-#include "team_options.h"
+#include "plan/team_options.h"
+#include "results/file_shelf.h"
 
 #include <mapweave/core/log.h>
 #include <mapweave/tiers/visual_server.h>

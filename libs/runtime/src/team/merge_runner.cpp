@@ -1,6 +1,6 @@
 #include "given_maps.h"
 #include "kept_requests.h"
-#include "results.h"
+#include "results/results.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/renamed_options.h>

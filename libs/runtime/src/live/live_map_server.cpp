@@ -1,5 +1,5 @@
-#include "file_shelf.h"
 #include "live_server_state.h"
+#include "results/file_shelf.h"
 
 namespace mapweave::runtime {
 

@@ -1,6 +1,6 @@
 #include "start_maps.h"
-#include "results.h"
-#include "team_trajectories.h"
+#include "results/results.h"
+#include "results/team_trajectories.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/rig/scale.h>

@@ -1,8 +1,8 @@
 #include "map_robots.h"
 
-#include "log_parts.h"
+#include "plan/log_parts.h"
+#include "plan/team_options.h"
 #include "shared_cameras.h"
-#include "team_options.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/sensor_choice.h>

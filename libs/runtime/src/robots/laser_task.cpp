@@ -7,7 +7,7 @@
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/tiers/robot_agent.h>
 
-#include "log_parts.h"
+#include "plan/log_parts.h"
 #include "unit_notes.h"
 
 #include <string>

@@ -1,8 +1,8 @@
-#include "log_parts.h"
-#include "map_robots.h"
-#include "robot_results.h"
-#include "shared_cameras.h"
-#include "team_options.h"
+#include "plan/log_parts.h"
+#include "plan/team_options.h"
+#include "results/robot_results.h"
+#include "robots/map_robots.h"
+#include "robots/shared_cameras.h"
 #include "team_run.h"
 
 #include <mapweave/core/interrupt.h>
