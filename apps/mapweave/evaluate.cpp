@@ -164,7 +164,7 @@ Action set_up_relations(CLI::App& judge) {
 
 struct TrajectoryArguments {
   Given given;
-  std::string sensor, align = "auto", extrinsics = "tell", delta_unit = "frames", plot;
+  std::string sensor, align = "auto", extrinsics = "keep", delta_unit = "frames", plot;
   TrajectoryJudging judging;
   Output output;
 };
@@ -249,9 +249,12 @@ Action set_up_trajectory(CLI::App& judge) {
                   "X,Y,YAW or X,Y,Z,QX,QY,QZ,QW in metres and radians; optical: a camera that looks ahead")
       ->type_name("POSE");
   judge
-      .add_option("--extrinsics", arguments->extrinsics,
-                  "a constant rotation between the bodies of estimate and reference; tell: say it; auto: remove it")
-      ->check(one_of({"tell", "auto"}))
+      .add_option(
+          "--extrinsics", arguments->extrinsics,
+          "a constant rotation between the bodies of estimate and reference; keep: a note names it; auto: it is "
+          "removed")
+      ->transform([](const std::string& name) { return name == "tell" ? std::string("keep") : name; })  // old name
+      ->check(one_of({"keep", "auto"}))
       ->capture_default_str();
   judge
       .add_option("--max-difference", judging.error.max_stamp_difference_s,

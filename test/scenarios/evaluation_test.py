@@ -70,6 +70,8 @@ class Cameras(Judging):
         errors = json.loads(done.stdout)
         self.assertAlmostEqual(errors["constant_rotation_deg"], OPTICAL_DEG, delta=3.0)
         self.assertGreater(errors["ate_rotation_rmse_deg"], 100.0)
+        for kept in ("keep", "tell"):  # its old name
+            self.assertEqual(self.judged("trajectory", *pair, "--extrinsics", kept), errors)
         removed = self.judged("trajectory", *pair, "--extrinsics", "auto")
         self.assertLess(removed["ate_rotation_rmse_deg"], 3.0)
         self.assertLess(removed["rpe_rotation_rmse_deg"], errors["rpe_rotation_rmse_deg"] + 1e-9)
