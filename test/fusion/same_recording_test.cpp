@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/fusion/grid_map.h>
+#include <mapweave/fusion/thinning.h>
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
 
@@ -69,6 +70,40 @@ TEST(SameRecording, is_not_two_parts_of_one_log_that_share_some_seconds) {
   ASSERT_EQ(result.verdicts.size(), 1U);
   EXPECT_NE(result.verdicts[0].reason, Reason::same_recording);
   EXPECT_EQ(result.components.size(), 1U);
+}
+
+// As an edge sends it, which merged it with another robot's.
+TEST(SameRecording, that_an_edge_thinned_counts_once_whichever_robot_comes_first) {
+  for (const auto& [neighbour, kept, again] : {std::tuple("a", "b", "c"), {"b", "a", "c"}, {"c", "b", "a"}}) {
+    std::vector<Map> edge{mapped(renamed(apartment().robots[1], neighbour)),
+                          mapped(renamed(apartment().robots[0], kept))};
+    const FusionResult merged = fused(edge);
+    ASSERT_EQ(merged.components.size(), 1U);
+    std::sort(edge.begin(), edge.end(), [](const Map& one, const Map& other) { return one.id < other.id; });
+    std::vector<Map> sent = thinned(merged.components[0], {&edge[0], &edge[1]}, {}).maps;
+    const Map alone = mapped(renamed(apartment().robots[0], again));
+    const FusionResult by_itself = fused({alone});
+    for (const bool is_thinned : {false, true}) {
+      std::vector<Map> maps = sent;
+      maps.push_back(is_thinned ? thinned(by_itself.components.at(0), {&alone}, {}).maps.at(0) : alone);
+      const FusionResult result = fused(maps);
+      const auto copy = std::find_if(result.verdicts.begin(), result.verdicts.end(),
+                                     [](const Verdict& v) { return v.reason == Reason::same_recording; });
+      ASSERT_NE(copy, result.verdicts.end()) << again << is_thinned;
+      EXPECT_EQ(std::minmax(copy->a.str(), copy->b.str()), std::minmax(std::string(kept), std::string(again)));
+    }
+  }
+}
+
+TEST(SameRecording, is_not_two_parts_of_one_log_that_an_edge_thinned) {
+  auto first = renamed(apartment().robots[0], "first"), second = renamed(apartment().robots[0], "second");
+  const auto count = static_cast<std::ptrdiff_t>(first.steps.size());
+  first.steps.resize(static_cast<std::size_t>(count * 6 / 10));
+  second.steps.erase(second.steps.begin(), second.steps.begin() + count * 4 / 10);
+  const Map maps[] = {mapped(first), mapped(second)};
+  std::vector<Map> sent;
+  for (const Map& map : maps) sent.push_back(thinned(fused({map}).components.at(0), {&map}, {}).maps.at(0));
+  for (const Verdict& verdict : fused(sent).verdicts) EXPECT_NE(verdict.reason, Reason::same_recording);
 }
 
 TEST(SameRecording, of_a_robot_that_stands_still_counts_once_and_joins_nothing) {

@@ -143,7 +143,7 @@ TEST(Report, says_that_no_common_place_was_found_rather_than_numbers_of_nothing)
   report.team.verdicts[0].reason = Reason::little_overlap;
   report.team.verdicts[0].probability = 0.0;
   const std::string words = in_words(report, "maps/office");
-  EXPECT_THAT(words, HasSubstr("kept apart: no place that both show was found"));
+  EXPECT_THAT(words, HasSubstr("kept apart: they show too little common ground: no place that both show was found"));
   EXPECT_THAT(words, testing::Not(HasSubstr("overlap 0 %")));
 }
 

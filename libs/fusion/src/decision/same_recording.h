@@ -13,8 +13,8 @@ struct CopyOf {
   double share = 0.0;        // of the copy's scans, that the original holds too
 };
 
-// Of each map: whether most of what it holds is in another one too, bit for bit. Parts of one log that share some
-// seconds are no copies.
+// Of each map: whether most of what it holds is in another one too, bit for bit; of maps that edges thinned: whether
+// what they kept says so. Parts of one log that share some seconds are no copies.
 std::vector<std::optional<CopyOf>> copies_among(const std::vector<const Map*>& maps);
 
 }  // namespace mapweave::fusion

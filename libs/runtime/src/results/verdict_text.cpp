@@ -61,7 +61,7 @@ std::string doubt_in_words(const Verdict& verdict) {
     return text + format(" (%.0f %% of the scans of one are in the other)", 100.0 * verdict.overlap);
   // Without any alignment there is nothing to count.
   if (verdict.reason == Reason::little_overlap && verdict.probability == 0.0)
-    return "no place that both show was found" + (verdict.detail.empty() ? "" : "; " + verdict.detail);
+    return text + ": no place that both show was found" + (verdict.detail.empty() ? "" : "; " + verdict.detail);
   text += " (probability " + numbers_in_words(verdict.probability, verdict) + ")";
   if (!verdict.detail.empty()) text += "; " + verdict.detail;
   return text;
