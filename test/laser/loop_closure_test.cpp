@@ -40,31 +40,10 @@ void add_rectangle(simulation::FloorPlan& plan, const simulation::Box& box) {
   for (int i = 0; i < 4; ++i) plan.walls.push_back({corners[i], corners[(i + 1) % 4]});
 }
 
-struct Warehouse {
-  int aisles;
-  double length_m, aisle_m, rack_m, crossing_m;
-  double pitch_m() const { return aisle_m + rack_m; }
-  double middle_m(int aisle) const { return 0.5 * aisle_m + aisle * pitch_m(); }
-};
-
-simulation::FloorPlan plan_of(const Warehouse& w) {
-  simulation::FloorPlan plan;
-  const double width = w.aisles * w.pitch_m() - w.rack_m, height = w.length_m + 2 * w.crossing_m;
-  add_rectangle(plan, {0.0, 0.0, width, height});
-  for (int i = 0; i + 1 < w.aisles; ++i)
-    add_rectangle(plan, {w.aisle_m + i * w.pitch_m(), w.crossing_m, (i + 1) * w.pitch_m(), height - w.crossing_m});
-  plan.rooms.push_back({"all", {0.0, 0.0, width, height}});
-  return plan;
-}
-
 // Up one aisle and down the next.
-std::vector<Point2> serpentine(const Warehouse& w) {
-  const double low = 0.5 * w.crossing_m, high = w.length_m + 1.5 * w.crossing_m;
+std::vector<Point2> serpentine(const simulation::FloorPlan& warehouse) {
   std::vector<Point2> corners;
-  for (int i = 0; i < w.aisles; ++i) {
-    corners.push_back({w.middle_m(i), i % 2 == 0 ? low : high});
-    corners.push_back({w.middle_m(i), i % 2 == 0 ? high : low});
-  }
+  for (const simulation::Room& end : warehouse.rooms) corners.push_back(end.inside.centre());
   return corners;
 }
 
@@ -142,22 +121,22 @@ TEST(LoopClosure, closes_a_loop_by_what_it_saw_from_the_other_side) {
 
 TEST(LoopClosure, takes_no_aisle_of_a_warehouse_for_another) {
   simulation::SimulatedLaserOptions laser;
-  const Warehouse few{4, 40.0, 2.4, 1.2, 3.0}, many{8, 40.0, 2.4, 1.2, 3.0};
+  const auto few = simulation::make_warehouse_plan({4, 40.0}, 1), many = simulation::make_warehouse_plan({8, 40.0}, 1);
   for (const auto& [warehouse, range_m] : {std::pair(few, 40.0), std::pair(many, 20.0)}) {
     laser.max_range_m = range_m;
-    const auto robot = driven(plan_of(warehouse), serpentine(warehouse), laser, 1);
+    const auto robot = driven(warehouse, serpentine(warehouse), laser, 1);
     // Walls hold no position along an aisle: that is left to odometry. The next aisle is 3.6 m away.
-    EXPECT_LT(test::error_m(test::mapped(robot, laser), robot), 1.2) << warehouse.aisles;
+    EXPECT_LT(test::error_m(test::mapped(robot, laser), robot), 1.2) << warehouse.rooms.size();
   }
 }
 
 TEST(LoopClosure, closes_the_loop_of_a_robot_that_comes_home_in_a_warehouse) {
   simulation::SimulatedLaserOptions laser;
-  const Warehouse warehouse{4, 20.0, 2.4, 1.2, 3.0};
+  const auto warehouse = simulation::make_warehouse_plan({4, 20.0}, 1);
   auto corners = serpentine(warehouse);
   corners.push_back(corners.front());
   corners.push_back(corners[1]);
-  const auto robot = driven(plan_of(warehouse), corners, laser, 1);
+  const auto robot = driven(warehouse, corners, laser, 1);
   const Map map = test::mapped(robot, laser);
   EXPECT_GT(loops_of(map), 3U);
   EXPECT_LT(test::error_m(map, robot), 0.1);

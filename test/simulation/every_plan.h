@@ -26,6 +26,7 @@ inline std::vector<std::pair<std::string, simulation::FloorPlan>> every_plan(std
           {"repeated rooms", make_repeated_rooms_plan({}, seed)},
           {"mirrored rooms", make_mirrored_rooms_plan(cluttered, seed)},
           {"hall", make_hall_plan({}, seed)},
+          {"warehouse", make_warehouse_plan({}, seed)},
           {"ring", make_ring_plan({}, seed)}};
 }
 

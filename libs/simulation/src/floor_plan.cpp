@@ -319,6 +319,33 @@ FloorPlan make_hall_plan(const HallOptions& options, std::uint64_t seed) {
   return plan;
 }
 
+FloorPlan make_warehouse_plan(const WarehouseOptions& options, std::uint64_t seed) {
+  constexpr double kPallet = 0.8;
+  FloorPlan plan;
+  const double pitch = options.aisle_m + options.rack_m, width = options.aisles * pitch - options.rack_m,
+               racks_begin = options.crossing_m, racks_end = racks_begin + options.length_m,
+               height = racks_end + options.crossing_m;
+  for (const Side& side : sides_seen_from_inside({0.0, 0.0, width, height}))
+    add_line(plan, side.from, side.at(side.length_m, 0.0));
+  for (int i = 0; i + 1 < options.aisles; ++i)
+    add_box(plan, {i * pitch + options.aisle_m, racks_begin, (i + 1) * pitch, racks_end});
+  for (int i = 0; i < options.aisles; ++i) {
+    const Box low{i * pitch, 0.0, i * pitch + options.aisle_m, racks_begin},
+        high{low.low_x, racks_end, low.high_x, height};
+    for (const Box& end : {i % 2 == 0 ? low : high, i % 2 == 0 ? high : low})
+      plan.rooms.push_back({"end " + std::to_string(plan.rooms.size()), end});
+  }
+  RandomNumbers numbers = RandomStream(seed, "warehouse").at(0);
+  for (int i = 0; i < options.pallets; ++i) {
+    const double aisle = pitch * numbers.integer(0, options.aisles - 1),
+                 deep = numbers.uniform(0.1, std::min(0.4, 0.5 * options.aisle_m - 0.45)),
+                 low_y = numbers.uniform(racks_begin, racks_end - kPallet);
+    const double low_x = numbers.chance(0.5) ? aisle : aisle + options.aisle_m - deep;
+    add_box(plan, {low_x, low_y, low_x + deep, low_y + kPallet});
+  }
+  return plan;
+}
+
 FloorPlan make_ring_plan(const RingOptions& options, std::uint64_t seed) {
   const double width = options.corridor_width_m;
   if (std::min(options.width_m, options.height_m) < 2.0 * width + 0.5) {

@@ -31,6 +31,7 @@ FloorPlan make_bare_plan(const BuildingOptions& options, std::uint64_t seed) {
     case PlanKind::mirrored_rooms: return make_mirrored_rooms_plan(options.mirrored_rooms, seed);
     case PlanKind::hall: return make_hall_plan(options.hall, seed);
     case PlanKind::ring: return make_ring_plan(options.ring, seed);
+    case PlanKind::warehouse: return make_warehouse_plan(options.warehouse, seed);
   }
   MAPWEAVE_EXPECT(false, "every kind of plan has its maker");
 }

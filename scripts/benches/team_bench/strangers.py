@@ -1,7 +1,7 @@
 """strangers: maps that share nothing, many in one merge; no pair of strangers is joined.
 
 A batch holds seeded stretches of every log and of its mirror image, and simulated offices, hotels (rooms that are alike, rooms that are mirrored),
-halls with pillars, rings and corridors, each of a seed of its own. Strangers are maps of different buildings, a log and its mirror image, and
+halls with pillars, rings, corridors and warehouses with aisles, each of a seed of its own. Strangers are maps of different buildings, a log and its mirror image, and
 stretches of one building that saw less than 1 % of each other's cells. Two robots of one simulated building, or of such stretches, that are
 joined where the truth has them are no strangers that were joined; they are counted apart. Other pairs of one building do not count at all.
 A pair counts when the program gives a verdict on it.
@@ -30,7 +30,7 @@ def hotel(draw):
     return {"kind": kind, kind: {"rooms": draw.randint(6, 12), "room_width_m": draw.choice((3.5, 4.0, 4.5)), "furniture": draw.randint(1, 4), "clutter": draw.choice((0, 0, 6))}}, 2
 
 
-def warehouse(draw):
+def hall(draw):
     return {"kind": "hall", "hall": {"width_m": draw.randint(20, 50), "height_m": draw.randint(15, 30), "pillars": draw.randint(8, 60), "clutter": draw.randint(0, 20)}}, 1
 
 
@@ -42,7 +42,12 @@ def corridor(draw):
     return {"kind": "corridor", "corridor": {"length_m": draw.randint(20, 80), "doors": draw.randint(4, 30), "clutter": draw.randint(2, 30)}}, 1
 
 
-SITES = (office, hotel, warehouse, ring, corridor)
+def warehouse(draw):
+    size = {"aisles": 2 * draw.randint(3, 5), "length_m": draw.choice((12, 20, 30)), "aisle_m": draw.choice((2.4, 3.0)), "pallets": draw.choice((0, 0, 20))}
+    return {"kind": "warehouse", "warehouse": size}, 2
+
+
+SITES = (office, hotel, hall, ring, corridor, warehouse)
 
 
 class Stretch:
@@ -56,7 +61,8 @@ def site_maps(bench, seed):
     draw = random.Random(f"site {seed}")
     building, robots = SITES[seed % len(SITES)](draw)
     names = [f"s{seed}{'ab'[i]}" for i in range(robots)]
-    rooms = building.get(building["kind"], {}).get("rooms", 8)
+    plan = building.get(building["kind"], {})
+    rooms = 2 * plan["aisles"] if "aisles" in plan else plan.get("rooms", 8)
     routes = [{}] if robots == 1 else [{"last_room": rooms // 2 - 1}, {"first_room": rooms // 2}]
     world = {"seed": seed, "buildings": [building], "robots": [{"id": name, "length_m": draw.randint(15, 30), **route} for name, route in zip(names, routes)]}
     kept = bench.store.folder / f"sites/{seed}"

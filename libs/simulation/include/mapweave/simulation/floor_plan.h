@@ -150,6 +150,26 @@ struct RingOptions {
   }
 };
 
+// Racks in rows with an aisle on either side of each, and a crossing aisle at both ends. The places of a tour: the ends
+// of the aisles, so that it leads up one aisle and down the next.
+struct WarehouseOptions {
+  int aisles = 5;
+  double length_m = 30.0;
+  double aisle_m = 2.4;
+  double rack_m = 1.2;
+  double crossing_m = 3.0;
+  int pallets = 0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("aisles", aisles, 1, 100, "aisles beside each other, all alike");
+    v.number("length_m", length_m, 2.0, 300.0, "length of the racks");
+    v.number("aisle_m", aisle_m, 1.2, 20.0, "width of an aisle");
+    v.number("rack_m", rack_m, 0.2, 20.0, "width of a row of racks");
+    v.number("crossing_m", crossing_m, 1.2, 20.0, "width of the crossing aisles at both ends");
+    v.integer("pallets", pallets, 0, 2000, "boxes that stand beside the racks at random places");
+  }
+};
+
 // Each is a pure function of its arguments and stands in the quadrant x >= 0, y >= 0 (set-back doors reach 0.25 m out
 // of it). Options that contradict one another (a ring narrower than its corridors) throw Error kBadInput.
 FloorPlan make_corridor_plan(const CorridorOptions&, std::uint64_t seed);
@@ -158,5 +178,6 @@ FloorPlan make_repeated_rooms_plan(const RoomRowOptions&, std::uint64_t seed);
 FloorPlan make_mirrored_rooms_plan(const RoomRowOptions&, std::uint64_t seed);
 FloorPlan make_hall_plan(const HallOptions&, std::uint64_t seed);
 FloorPlan make_ring_plan(const RingOptions&, std::uint64_t seed);
+FloorPlan make_warehouse_plan(const WarehouseOptions&, std::uint64_t seed);
 
 }  // namespace mapweave::simulation

@@ -13,7 +13,7 @@
 
 namespace mapweave::simulation {
 
-enum class PlanKind { corridor, apartment, repeated_rooms, mirrored_rooms, hall, ring };
+enum class PlanKind { corridor, apartment, repeated_rooms, mirrored_rooms, hall, ring, warehouse };
 
 struct FurnitureOptions {
   double round = 0.0;
@@ -38,6 +38,7 @@ struct BuildingOptions {
   RoomRowOptions mirrored_rooms;
   HallOptions hall;
   RingOptions ring;
+  WarehouseOptions warehouse;
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("kind", kind,
@@ -46,7 +47,8 @@ struct BuildingOptions {
               {"repeated_rooms", PlanKind::repeated_rooms},
               {"mirrored_rooms", PlanKind::mirrored_rooms},
               {"hall", PlanKind::hall},
-              {"ring", PlanKind::ring}},
+              {"ring", PlanKind::ring},
+              {"warehouse", PlanKind::warehouse}},
              "which of the plans below it follows");
     v.integer("seed", seed, 0, 2147483647,
               "keeps the building while the world's seed changes; 0: from the world's seed and the building's number");
@@ -57,6 +59,7 @@ struct BuildingOptions {
     v.section("mirrored_rooms", mirrored_rooms, "rooms that are mirror images of their neighbours");
     v.section("hall", hall, "an open hall");
     v.section("ring", ring, "a corridor that closes on itself");
+    v.section("warehouse", warehouse, "aisles between racks");
   }
 };
 
