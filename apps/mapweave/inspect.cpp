@@ -65,6 +65,11 @@ Json of_topics(const std::vector<rawlog::TopicContents>& topics) {
                  {"rate_hz", topic.rate_hz},
                  {"longest_gap_s", topic.longest_gap_s}};
     if (!topic.frames.empty()) line["frames"] = topic.frames;
+    if (topic.cloud)
+      line["points"] = {{"width", topic.cloud->width},
+                        {"height", topic.cloud->height},
+                        {"organised", topic.cloud->height > 1},
+                        {"fields", topic.cloud->fields}};
     shown.push_back(line);
   }
   return shown;

@@ -39,7 +39,9 @@ const std::vector<ros::BagTopic>& topics_of(MessageEncoding encoding) {
                                       {"/rgbd/rgb/image_raw", "sensor_msgs/Image", of, 0},
                                       {"/rgbd/rgb/camera_info", "sensor_msgs/CameraInfo", of, 0},
                                       {"/rgbd/depth/image_raw", "sensor_msgs/Image", of, 0},
-                                      {"/rgbd/depth/image_raw/compressedDepth", "sensor_msgs/CompressedImage", of, 0}};
+                                      {"/rgbd/depth/image_raw/compressedDepth", "sensor_msgs/CompressedImage", of, 0},
+                                      {"/deep/depth/points", "sensor_msgs/PointCloud2", of, 0},
+                                      {"/deep/depth/camera_info", "sensor_msgs/CameraInfo", of, 0}};
   };
   static const std::vector<ros::BagTopic> packed = made(MessageEncoding::ros1), cdr = made(MessageEncoding::cdr);
   return encoding == MessageEncoding::ros1 ? packed : cdr;
@@ -158,6 +160,11 @@ std::vector<std::string> camera_seeds() {
           input_of({{12, info}, {14, compressed("16UC1; compressedDepth", ".png", depth, head)}})};
 }
 
+std::string depth_cloud_seed() {
+  return input_of({{16, calibration("/deep/depth/camera_info", 100.3).data},
+                   {15, depth_cloud("/deep/depth/points", 100.3, std::vector<float>(kWidth * kHeight, 2.0f)).data}});
+}
+
 // Scans of a recording of ROS 2, as they stand in it.
 std::vector<std::string> cdr_seeds() {
   std::vector<Sent> messages;
@@ -183,6 +190,7 @@ const std::vector<Kind>& kinds() {
               camera_seeds()),
       kind_of(MessageEncoding::ros1, {"/rgbd/rgb/image_raw", "/rgbd/depth/image_raw/compressedDepth"},
               {camera_seeds().back()}),
+      kind_of(MessageEncoding::ros1, {"/deep/depth/points"}, {depth_cloud_seed()}),
       kind_of(MessageEncoding::cdr, {"/scan"}, cdr_seeds())};
   return all;
 }

@@ -279,24 +279,15 @@ TEST_F(BagObservations, first_echoes_of_a_multi_echo_laser_are_used) {
 
 // Points of x, y, z and, where `with_ring`, a ring.
 BagEntry cloud(const std::vector<std::pair<Eigen::Vector3f, std::uint16_t>>& points, bool with_ring) {
+  CloudForm form;
+  form.width = static_cast<std::uint32_t>(points.size());
+  if (with_ring) form.fields.emplace_back("ring", 4);
   MessageBytes bytes;
-  bytes.header(1.0, "laser").number(std::uint32_t{1}).number(static_cast<std::uint32_t>(points.size()));
-  bytes.number(static_cast<std::uint32_t>(with_ring ? 4 : 3));
-  std::uint32_t offset = 0;
-  for (const char* name : {"x", "y", "z"}) {
-    bytes.text(name).number(offset).number(std::uint8_t{7}).number(std::uint32_t{1});
-    offset += 4;
-  }
-  if (with_ring) bytes.text("ring").number(offset).number(std::uint8_t{4}).number(std::uint32_t{1});
-  const std::uint32_t step = with_ring ? 14 : 12;
-  bytes.number(std::uint8_t{0}).number(step).number(static_cast<std::uint32_t>(step * points.size()));
-  bytes.number(static_cast<std::uint32_t>(step * points.size()));
   for (const auto& [point, ring] : points) {
     bytes.floats({point.x(), point.y(), point.z()});
     if (with_ring) bytes.number(ring);
   }
-  bytes.number(std::uint8_t{1});
-  return {"/points", "sensor_msgs/PointCloud2", 1.0, bytes.bytes()};
+  return bag_cloud(1.0, form, bytes.bytes());
 }
 
 TEST_F(BagObservations, a_cloud_becomes_a_planar_scan) {

@@ -44,4 +44,20 @@ inline std::string depth_pixels(std::uint16_t millimetres) {
   return bytes.bytes();
 }
 
+// An organised cloud: what a camera of calibration()'s projection sees at these depths in metres, row by row.
+inline BagEntry depth_cloud(const std::string& topic, double stamp_s, const std::vector<float>& depths_m,
+                            const std::string& frame = "optical") {
+  CloudForm form;
+  form.width = kWidth;
+  form.height = kHeight;
+  form.topic = topic;
+  form.frame = frame;
+  MessageBytes bytes;
+  for (std::uint32_t i = 0; i < depths_m.size(); ++i) {
+    const float x = static_cast<float>(i % kWidth) - 2.5f, y = static_cast<float>(i / kWidth) - 1.5f;
+    bytes.floats({x * depths_m[i] / 390.0f, y * depths_m[i] / 390.0f, depths_m[i]});
+  }
+  return bag_cloud(stamp_s, form, bytes.bytes());
+}
+
 }  // namespace mapweave::rawlog

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <iterator>
 #include <map>
 #include <string>
 #include <utility>
@@ -81,6 +82,28 @@ inline BagEntry bag_odometry(double stamp_s, double x, double y, double heading,
   bytes.header(stamp_s, "odom").text(child).pose(spatial(Pose2(x, y, heading)));
   bytes.doubles(std::vector<double>(36 + 6 + 36, 0.0));
   return {topic, "nav_msgs/Odometry", stamp_s, bytes.bytes()};
+}
+
+struct CloudForm {
+  std::uint32_t width = 1, height = 1;
+  std::vector<std::pair<std::string, std::uint8_t>> fields = {{"x", 7}, {"y", 7}, {"z", 7}};  // datatypes
+  bool is_big_endian = false;
+  std::string frame = "laser", topic = "/points";
+};
+
+// `points`: the fields of each, one after the other, without gaps.
+inline BagEntry bag_cloud(double stamp_s, const CloudForm& form, const std::string& points) {
+  constexpr std::uint32_t kSizes[] = {0, 1, 1, 2, 2, 4, 4, 4, 8};
+  MessageBytes bytes;
+  bytes.header(stamp_s, form.frame).number(form.height).number(form.width);
+  bytes.number(static_cast<std::uint32_t>(form.fields.size()));
+  std::uint32_t step = 0;
+  for (const auto& [name, type] : form.fields) {
+    bytes.text(name).number(step).number(type).number(std::uint32_t{1});
+    step += type < std::size(kSizes) ? kSizes[type] : 4;
+  }
+  bytes.number(static_cast<std::uint8_t>(form.is_big_endian)).number(step).number(step * form.width).text(points);
+  return {form.topic, "sensor_msgs/PointCloud2", stamp_s, bytes.number(std::uint8_t{0}).bytes()};
 }
 
 struct BagLink {

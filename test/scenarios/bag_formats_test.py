@@ -93,6 +93,23 @@ class Formats(support.Scenario):
                     self.assertEqual(topics[name]["count"], count)
                     self.assertAlmostEqual(topics[name]["longest_gap_s"], gap, 6)
 
+    def test_an_organised_cloud_gives_what_the_depth_image_gives(self):
+        image = self.ros1("image.bag", ros1_bags.depth_drive(as_cloud=False))
+        expected = self.folder / "image.rawlog"
+        self.mapweave("convert", image, expected)
+        sensors = self.inspect(image)["sensors"]
+        self.assertEqual([(sensor["label"], sensor["class"], sensor["count"]) for sensor in sensors], [("camera", "CObservation3DRangeScan", 5)])
+        messages = ros1_bags.depth_drive(as_cloud=True)
+        for recording in [self.ros1("cloud.bag", messages), *self.recordings(messages)]:
+            with self.subTest(recording.name):
+                shown = self.inspect(recording)
+                self.assertEqual(shown["sensors"], sensors)
+                clouds = [topic["points"] for topic in shown["topics"] if "points" in topic]
+                self.assertEqual(clouds, [{"width": 32, "height": 24, "organised": True, "fields": ["x", "y", "z"]}])
+                converted = self.folder / f"{recording.name}.rawlog"
+                self.mapweave("convert", recording, converted)
+                self.assertEqual(converted.read_bytes(), expected.read_bytes())
+
     def stamps(self, out):
         return [line.split()[0] for line in (out / "trajectory.tum").read_text().splitlines() if not line.startswith("#")]
 

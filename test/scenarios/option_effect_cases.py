@@ -214,6 +214,7 @@ reading.use_tf false
     "clouds": """
 reading.cloud_low_m -0.3
 reading.cloud_high_m 0.3
+reading.point_clouds depth
 """,
     "team": """
 robots.0.id gamma

@@ -35,9 +35,9 @@ def odometry(stamp, x, y, heading, topic="/odom", child="base_link"):
     return topic, "nav_msgs/Odometry", stamp, data
 
 
-def image(stamp, width, height, pixels, topic, frame="camera"):
-    """Grey: a byte for each pixel."""
-    data = _header(stamp, frame) + struct.pack("<II", height, width) + _text("mono8") + b"\0" + struct.pack("<I", width) + _text(pixels)
+def image(stamp, width, height, pixels, topic, frame="camera", encoding="mono8"):
+    """Rows without gaps; of mono8 a byte for each pixel."""
+    data = _header(stamp, frame) + struct.pack("<II", height, width) + _text(encoding) + b"\0" + struct.pack("<I", len(pixels) // height) + _text(pixels)
     return topic, "sensor_msgs/Image", stamp, data
 
 
@@ -58,15 +58,15 @@ def transforms(stamp, links, topic="/tf_static"):
     return topic, "tf2_msgs/TFMessage", stamp, data
 
 
-def cloud(stamp, points, with_rings, topic="/points", frame="laser"):
+def cloud(stamp, points, with_rings, topic="/points", frame="laser", rows=1):
     """`points`: (x, y, z, ring)."""
     fields = [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)] + ([("ring", 12, 4)] if with_rings else [])
     step = 14 if with_rings else 12
-    data = _header(stamp, frame) + struct.pack("<III", 1, len(points), len(fields))
+    data = _header(stamp, frame) + struct.pack("<III", rows, len(points) // rows, len(fields))
     for name, offset, kind in fields:
         data += _text(name) + struct.pack("<IBI", offset, kind, 1)
     packed = b"".join(struct.pack("<3fH", *point)[:step] for point in points)
-    data += struct.pack("<BII", 0, step, len(packed)) + _text(packed) + b"\x01"
+    data += struct.pack("<BII", 0, step, len(packed) // rows) + _text(packed) + b"\x01"
     return topic, "sensor_msgs/PointCloud2", stamp, data
 
 
@@ -125,4 +125,20 @@ def cloud_drive(with_rings, scans=20):
             for ring, (height, share) in enumerate([(-0.25, 0.6), (0.0, 1.0), (0.25, 0.7)]):
                 points.append((share * distance * math.cos(angle), share * distance * math.sin(angle), height, ring))
         messages.append(cloud(stamp, points, with_rings))
+    return messages
+
+
+def depth_drive(as_cloud, frames=5):
+    """A camera's colour pictures, with depth that is registered to them: as images or as organised clouds."""
+    width, height, focal, messages = 32, 24, 30.0, []
+    for i in range(frames):
+        stamp = 1000.0 + 0.1 * i
+        messages += [camera_info(stamp, width, height, focal, "/camera/rgb/camera_info"),
+                     image(stamp, width, height, bytes((3 * k + i) % 256 for k in range(width * height)), "/camera/rgb/image_rect_color")]
+        depths = [math.nan if k % 7 == 0 else 1.0 + 0.01 * i + 0.0037 * k for k in range(width * height)]
+        if as_cloud:
+            points = [((k % width - (width - 1) / 2) / focal * z, (k // width - (height - 1) / 2) / focal * z, z, 0) for k, z in enumerate(depths)]
+            messages.append(cloud(stamp, points, False, "/camera/depth_registered/points", "camera", height))
+        else:
+            messages.append(image(stamp, width, height, struct.pack(f"<{len(depths)}f", *depths), "/camera/depth_registered/image_rect", encoding="32FC1"))
     return messages

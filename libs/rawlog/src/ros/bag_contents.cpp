@@ -41,6 +41,16 @@ std::vector<std::string> frames_of(const BagTopic& topic, const BagMessage& mess
   return frames;
 }
 
+CloudGeometry geometry_of(const BagTopic& topic, const BagMessage& message) {
+  constexpr std::size_t kMostFields = 50;
+  MessageReader reader(message.data, topic.encoding);
+  const PointCloudMessage cloud = read_point_cloud(reader);
+  CloudGeometry geometry{cloud.width, cloud.height, {}};
+  for (const PointField& field : cloud.fields)
+    if (geometry.fields.size() < kMostFields) geometry.fields.emplace_back(field.name);
+  return geometry;
+}
+
 void count(const BagTopic& topic, const BagMessage& message, Counted& counted) {
   if (counted.contents.count++ == 0)
     counted.first_ns = message.received_ns;
@@ -52,6 +62,8 @@ void count(const BagTopic& topic, const BagMessage& message, Counted& counted) {
     for (const std::string& frame : frames_of(topic, message))
       if (frames.size() < kMostFrames && std::find(frames.begin(), frames.end(), frame) == frames.end())
         frames.push_back(frame);
+    if (topic.type == "sensor_msgs/PointCloud2" && !counted.contents.cloud)
+      counted.contents.cloud = geometry_of(topic, message);
   } catch (const Error&) {
     // Whoever reads this message says what is wrong with it.
   }

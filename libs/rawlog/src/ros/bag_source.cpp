@@ -239,7 +239,7 @@ class BagSource final : public RecordSource {
                                records);
       default: {
         const PictureOrigin origin{Stamp{waiting.stamp_ns}, waiting.frame, robot_from_sensor, waiting.message.place};
-        cameras_[chosen(waiting).camera].add(waiting.topic, reader, chosen(waiting).is_compressed, origin, records);
+        cameras_[chosen(waiting).camera].add(waiting.topic, reader, chosen(waiting).form, origin, records);
       }
     }
   }

@@ -93,20 +93,45 @@ mrpt::img::TCamera CameraConversion::calibration_of(bool second, std::size_t col
   return camera;
 }
 
-void CameraConversion::add(std::size_t topic, MessageReader& reader, bool is_compressed, PictureOrigin origin,
-                           std::vector<PlacedRecord>& records) {
-  const bool second = is_second(topic);
-  Picture picture{std::move(origin), {}, {}};
+CameraConversion::Picture CameraConversion::decoded(bool second, MessageReader& reader, PictureForm form) {
+  Picture picture;
   const auto decode = [&](const auto& message) {
     if (is_depth(second))
       picture.depth = to_depth(message);
     else
       picture.image = to_picture(message);
   };
-  if (is_compressed)
-    decode(read_compressed_image(reader));
-  else
-    decode(read_image(reader));
+  if (form == PictureForm::compressed) decode(read_compressed_image(reader));
+  if (form == PictureForm::raw) decode(read_image(reader));
+  if (form == PictureForm::cloud) {
+    const PointCloudMessage message = read_point_cloud(reader);
+    const CloudPoints points(message);
+    decode(points);
+    expect_optical_axes(points);
+    if (!camera_.first && points.has_colours()) picture.image = to_picture(points);
+  }
+  return picture;
+}
+
+// By the first cloud that says it. With other axes z would be no depth.
+void CameraConversion::expect_optical_axes(const CloudPoints& points) {
+  const auto& known = sides_[1].calibration ? sides_[1].calibration : sides_[0].calibration;
+  if (has_known_axes_ || !known || known->ncols != points.columns() || known->nrows != points.rows()) return;
+  const std::optional<bool> are_optical = are_at_their_pixels(points, *known);
+  if (are_optical && !*are_optical)
+    throw Error(ErrorCode::kBadInput,
+                "the points of camera '" + camera_.label +
+                    "' are not seen at their pixels, as its camera_info has them: an organised cloud in the camera's "
+                    "optical frame (x right, y down, z ahead) was expected",
+                {}, "record its depth image, or leave the cloud out: name the topics to read in reading.topics");
+  has_known_axes_ = are_optical.has_value();
+}
+
+void CameraConversion::add(std::size_t topic, MessageReader& reader, PictureForm form, PictureOrigin origin,
+                           std::vector<PlacedRecord>& records) {
+  const bool second = is_second(topic);
+  Picture picture = decoded(second, reader, form);
+  picture.origin = std::move(origin);
   if (sides_[second].lens) sides_[second].lens->rectify(picture.image);
   const bool is_alone = camera_.kind == BagCameraKind::mono || !camera_.first || is_apart_;
   if (is_alone) return make_single(picture, second, records);
@@ -173,7 +198,7 @@ void CameraConversion::make(Picture& first, Picture& second, std::vector<PlacedR
 }
 
 void CameraConversion::make_single(Picture& picture, bool second, std::vector<PlacedRecord>& records) {
-  if (is_depth(second)) return make_depth(nullptr, picture, records);
+  if (is_depth(second)) return make_depth(picture.image.isEmpty() ? nullptr : &picture, picture, records);
   auto image = std::make_shared<mrpt::obs::CObservationImage>();
   image->cameraPose = to_mrpt_pose(picture.origin.robot_from_camera);
   image->cameraParams = calibration_of(second, picture.image.getWidth(), picture.image.getHeight());
@@ -217,7 +242,8 @@ void CameraConversion::make_depth(Picture* colour, Picture& depth, std::vector<P
                      (mrpt::poses::CPose3D() - looking_ahead());
   const auto columns = static_cast<std::size_t>(depth.depth.cols()),
              rows = static_cast<std::size_t>(depth.depth.rows());
-  scan->cameraParams = scan->cameraParamsIntensity = calibration_of(colour == nullptr, columns, rows);
+  scan->cameraParams = scan->cameraParamsIntensity =
+      calibration_of(colour == nullptr || colour == &depth, columns, rows);
   scan->hasRangeImage = true;
   scan->rangeImage = std::move(depth.depth);
   scan->range_is_depth = true;

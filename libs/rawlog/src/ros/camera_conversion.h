@@ -37,7 +37,7 @@ class CameraConversion {
   void calibrate(std::size_t topic, const CameraInfoMessage& message);
 
   // Appends what is complete. Throws Error for what cannot be decoded.
-  void add(std::size_t topic, MessageReader& reader, bool is_compressed, PictureOrigin origin,
+  void add(std::size_t topic, MessageReader& reader, PictureForm form, PictureOrigin origin,
            std::vector<PlacedRecord>& records);
   // The bag ends.
   void finish(std::vector<PlacedRecord>& records);
@@ -55,6 +55,8 @@ class CameraConversion {
   };
 
   bool is_second(std::size_t topic) const;
+  Picture decoded(bool second, MessageReader& reader, PictureForm form);
+  void expect_optical_axes(const CloudPoints& points);
   void set_lens(Side& side, const std::array<double, 4>& fisheye) const;
   bool is_depth(bool second) const { return second && camera_.kind == BagCameraKind::depth; }
   void match(bool is_last, std::vector<PlacedRecord>& records);
@@ -71,7 +73,8 @@ class CameraConversion {
   std::string bag_;
   Side sides_[2];
   std::deque<Picture> waiting_[2];
-  bool is_apart_ = false;  // depth that is not registered
+  bool is_apart_ = false;        // depth that is not registered
+  bool has_known_axes_ = false;  // clouds
   std::uint64_t unpaired_ = 0, paired_ = 0;
 };
 

@@ -23,6 +23,9 @@ constexpr const char* kWithoutCamera =
     "read rectified pictures, as image_proc makes them, or leave the camera out: name the topics to read in "
     "reading.topics";
 
+constexpr const char* kWithoutCloud =
+    "read it as planar scans (reading.point_clouds=scans), or leave it out: name the topics to read in reading.topics";
+
 constexpr int kNoConversion = -1;
 struct Encoding {
   std::string_view name;
@@ -249,6 +252,28 @@ mrpt::math::CMatrix_u16 to_depth(const CompressedImageMessage& message) {
     const std::uint16_t value = steps.at<std::uint16_t>(row, column);
     return value == 0 ? 0.0 : a / (value - b);
   });
+}
+
+mrpt::math::CMatrix_u16 to_depth(const CloudPoints& points) {
+  if (points.rows() < 2 || points.rows() > kMostSide || points.columns() > kMostSide)
+    throw Error(ErrorCode::kBadInput,
+                "a point cloud of " + std::to_string(points.columns()) + " x " + std::to_string(points.rows()) +
+                    " points is not organised; of a depth camera a point for each pixel was expected",
+                {}, kWithoutCloud);
+  return matrix_of(static_cast<int>(points.rows()), static_cast<int>(points.columns()), [&](int row, int column) {
+    const double depth_m = points.at(static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(column)).z();
+    return std::isfinite(depth_m) ? depth_m : 0.0;
+  });
+}
+
+mrpt::img::CImage to_picture(const CloudPoints& points) {
+  cv::Mat picture(static_cast<int>(points.rows()), static_cast<int>(points.columns()), CV_8UC3);
+  for (int row = 0; row < picture.rows; ++row)
+    for (int column = 0; column < picture.cols; ++column) {
+      const auto colour = points.blue_green_red(static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(column));
+      picture.at<cv::Vec3b>(row, column) = {colour[0], colour[1], colour[2]};
+    }
+  return owned(picture);
 }
 
 ConvertedCalibration to_calibration(const CameraInfoMessage& message, bool is_rectified) {

@@ -2,6 +2,7 @@
 // Pictures and calibrations of ROS as MRPT has them. All throw Error for what cannot be decoded, without its place:
 // kBadInput for sizes that do not fit, kUnsupported for encodings, kCorrupt for compressed pictures.
 
+#include "cloud_points.h"
 #include "messages.h"
 
 #include <mrpt/img/CImage.h>
@@ -26,6 +27,10 @@ mrpt::img::CImage to_picture(const CompressedImageMessage& message);
 mrpt::math::CMatrix_u16 to_depth(const ImageMessage& message);
 // What compressed_depth_image_transport writes: PNG behind a header, of 32FC1 as inverse depth.
 mrpt::math::CMatrix_u16 to_depth(const CompressedImageMessage& message);
+// Of an organised cloud, a point for each pixel in optical axes: z, in steps as above.
+mrpt::math::CMatrix_u16 to_depth(const CloudPoints& points);
+// The colours of an organised cloud that has some.
+mrpt::img::CImage to_picture(const CloudPoints& points);
 
 struct ConvertedCalibration {
   mrpt::img::TCamera camera;

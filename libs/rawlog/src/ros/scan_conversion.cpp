@@ -1,11 +1,11 @@
 #include "scan_conversion.h"
 
-#include <mapweave/core/error.h>
+#include "cloud_points.h"
+
 #include <mapweave/rawlog/scan_sweep.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <map>
 
 namespace mapweave::rawlog::ros {
@@ -42,71 +42,6 @@ std::string keep_sweep(const LaserScanMessage& message, mrpt::obs::CObservation2
   set_sweep_ns(scan, std::llround(sweep_s * 1e9));
   return {};
 }
-
-// The points of a cloud.
-class CloudPoints {
- public:
-  explicit CloudPoints(const PointCloudMessage& cloud) : cloud_(cloud) {
-    if (cloud.is_big_endian) refuse("it is big-endian");
-    const std::uint64_t row = std::uint64_t{cloud.width} * cloud.point_step_bytes;
-    if (cloud.row_step_bytes < row || cloud.data.size() < std::uint64_t{cloud.height} * cloud.row_step_bytes)
-      refuse("its data have " + std::to_string(cloud.data.size()) + " bytes; " + std::to_string(cloud.height) +
-             " rows of " + std::to_string(row) + " bytes were expected");
-    for (int axis = 0; axis < 3; ++axis) {
-      const PointField* field = find({std::string_view("xyz").substr(static_cast<std::size_t>(axis), 1)});
-      if (field == nullptr || field->type != kFloat32) refuse("its points have no x, y and z of 32 bits");
-      offsets_[axis] = field->offset;
-    }
-    ring_ = find({"ring", "channel", "line"});
-    if (ring_ != nullptr && ring_->type > kUint16) ring_ = nullptr;
-  }
-
-  bool has_rings() const { return ring_ != nullptr; }
-
-  template <class Use>  // use(point in the sensor's frame, ring)
-  void for_each(const Use& use) const {
-    for (std::uint32_t row = 0; row < cloud_.height; ++row) {
-      const char* point = cloud_.data.data() + std::uint64_t{row} * cloud_.row_step_bytes;
-      for (std::uint32_t column = 0; column < cloud_.width; ++column, point += cloud_.point_step_bytes) {
-        float xyz[3];
-        for (int axis = 0; axis < 3; ++axis) std::memcpy(xyz + axis, point + offsets_[axis], sizeof(float));
-        const Eigen::Vector3d place(xyz[0], xyz[1], xyz[2]);
-        if (place.allFinite()) use(place, ring_ == nullptr ? 0 : ring_of(point));
-      }
-    }
-  }
-
- private:
-  static constexpr std::uint8_t kUint8 = 2, kUint16 = 4, kFloat32 = 7;  // sensor_msgs/PointField
-  static std::uint32_t size_of(std::uint8_t type) {
-    return type <= kUint8 ? 1 : type <= kUint16 ? 2 : type <= kFloat32 ? 4 : 8;
-  }
-
-  [[noreturn]] static void refuse(const std::string& what) {
-    throw Error(ErrorCode::kBadInput, "a point cloud cannot be used: " + what);
-  }
-
-  const PointField* find(std::initializer_list<std::string_view> names) const {
-    for (const PointField& field : cloud_.fields)
-      if (std::find(names.begin(), names.end(), field.name) != names.end()) {
-        if (std::uint64_t{field.offset} + size_of(field.type) > cloud_.point_step_bytes)
-          refuse("its field '" + std::string(field.name) + "' lies outside of a point");
-        return &field;
-      }
-    return nullptr;
-  }
-
-  int ring_of(const char* point) const {
-    if (ring_->type <= kUint8) return static_cast<unsigned char>(point[ring_->offset]);
-    std::uint16_t ring = 0;
-    std::memcpy(&ring, point + ring_->offset, sizeof ring);
-    return ring;
-  }
-
-  const PointCloudMessage& cloud_;
-  std::uint32_t offsets_[3] = {};
-  const PointField* ring_ = nullptr;
-};
 
 // In the robot's directions, from the sensor's place.
 Eigen::Vector3d levelled(const Eigen::Vector3d& point, const Pose3& robot_from_sensor) {

@@ -49,6 +49,7 @@ std::optional<TopicRole> role_of(const BagTopic& topic) {
 }
 
 bool is_transforms(TopicRole role) { return role == TopicRole::transforms || role == TopicRole::static_transforms; }
+bool is_picture(TopicRole role) { return role == TopicRole::image || role == TopicRole::depth_image; }
 bool is_scan(TopicRole role) { return role == TopicRole::scan || role == TopicRole::multi_echo_scan; }
 
 // Namespaces that hold odometry under one name: two robots have theirs, two lasers of one robot have not.
@@ -93,6 +94,7 @@ class Choice {
   ChosenTopics choose() {
     expect_one_robot();
     find_candidates();
+    find_depth_clouds();
     if (options_.topics.empty())
       choose_by_type();
     else
@@ -149,6 +151,32 @@ class Choice {
     }
   }
 
+  // Candidates that are pictures or calibrations of cameras.
+  template <class IsWanted>
+  std::vector<CameraTopic> camera_topics(const IsWanted& is_wanted) const {
+    std::vector<CameraTopic> topics;
+    for (const Candidate& candidate : candidates_) {
+      const bool is_calibration = candidate.role == TopicRole::calibration;
+      if (!is_calibration && (!is_picture(candidate.role) || !is_wanted(candidate))) continue;
+      const std::string& type = topics_[candidate.topic].type;
+      topics.push_back({candidate.topic, candidate.relative, is_calibration,
+                        type == "sensor_msgs/CompressedImage" ? PictureForm::compressed
+                        : type == "sensor_msgs/PointCloud2"   ? PictureForm::cloud
+                                                              : PictureForm::raw});
+    }
+    return topics;
+  }
+
+  // Clouds that are read as pictures of a depth camera.
+  void find_depth_clouds() {
+    if (options_.point_clouds == PointCloudUse::scans) return;
+    const std::vector<CameraTopic> cameras = camera_topics([](const Candidate&) { return true; });
+    for (Candidate& candidate : candidates_)
+      if (candidate.role == TopicRole::cloud &&
+          (options_.point_clouds == PointCloudUse::depth || is_depth_cloud(candidate.relative, cameras)))
+        candidate.role = TopicRole::depth_image;
+  }
+
   void choose_by_type() {
     take_one([](TopicRole role) { return is_scan(role); }, "a laser");
     const bool has_scan = !chosen_.topics.empty();
@@ -156,7 +184,7 @@ class Choice {
     take_one([](TopicRole role) { return role == TopicRole::odometry; }, "odometry");
     take_one([](TopicRole role) { return role == TopicRole::imu; }, "an inertial unit");
     for (const Candidate& candidate : candidates_) {
-      if (candidate.role == TopicRole::image) images_.push_back(candidate.topic);
+      if (is_picture(candidate.role)) images_.push_back(candidate.topic);
       if (candidate.role == TopicRole::position) take(candidate);
     }
   }
@@ -186,7 +214,7 @@ class Choice {
     std::set<TopicRole> taken;
     for (const Candidate& candidate : candidates_) {
       if (is_transforms(candidate.role) || candidate.role == TopicRole::calibration ||
-          candidate.role == TopicRole::cloud)
+          (candidate.role == TopicRole::cloud && preferred.role != TopicRole::cloud))
         continue;
       const bool is_kind = candidate.role == preferred.role || (is_scan(candidate.role) && is_scan(preferred.role));
       if (is_kind ? candidate.topic == preferred.topic : taken.insert(candidate.role).second)
@@ -202,7 +230,7 @@ class Choice {
       for (const Candidate& candidate : candidates_) {
         if (without_slash(topics_[candidate.topic].name) != bare && candidate.relative != bare) continue;
         is_found = true;
-        if (candidate.role == TopicRole::image)
+        if (is_picture(candidate.role))
           images_.push_back(candidate.topic);
         else if (!is_transforms(candidate.role) && candidate.role != TopicRole::calibration)
           take(candidate);
@@ -244,15 +272,9 @@ class Choice {
   }
 
   void add_cameras() {
-    std::vector<CameraTopic> all;
-    for (const Candidate& candidate : candidates_) {
-      if (candidate.role != TopicRole::image && candidate.role != TopicRole::calibration) continue;
-      const bool is_wanted = candidate.role == TopicRole::calibration ||
-                             std::find(images_.begin(), images_.end(), candidate.topic) != images_.end();
-      if (is_wanted)
-        all.push_back({candidate.topic, candidate.relative, candidate.role == TopicRole::calibration,
-                       topics_[candidate.topic].type == "sensor_msgs/CompressedImage"});
-    }
+    const auto all = camera_topics([&](const Candidate& candidate) {
+      return std::find(images_.begin(), images_.end(), candidate.topic) != images_.end();
+    });
     add_camera_topics(all, !options_.topics.empty(), chosen_);
   }
 

@@ -25,11 +25,15 @@ enum class TopicRole {
   calibration
 };
 
+// How the pictures of a camera's topic are sent: as sensor_msgs/Image, CompressedImage, or (depth) organised
+// PointCloud2.
+enum class PictureForm { raw, compressed, cloud };
+
 struct ChosenTopic {
   std::size_t topic = 0;  // index into BagReader::topics()
   TopicRole role = TopicRole::scan;
-  std::string label;           // of the observations: the topic without its robot's namespace and the first slash
-  bool is_compressed = false;  // an image
+  std::string label;  // of the observations: the topic without its robot's namespace and the first slash
+  PictureForm form = PictureForm::raw;  // of images and depth images
   // Of images, depth images and calibrations: index into ChosenTopics::cameras.
   std::size_t camera = 0;
 };

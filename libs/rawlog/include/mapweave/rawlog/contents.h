@@ -39,6 +39,12 @@ struct SensorContents {
   std::optional<RecordedCameraGeometry> camera;
 };
 
+// Of the first message of a topic of point clouds.
+struct CloudGeometry {
+  std::uint32_t width = 0, height = 0;  // a height of more than 1: organised, a point for each pixel
+  std::vector<std::string> fields;
+};
+
 // Of a ROS bag, whether it is read or not. Times are those at which messages were received.
 struct TopicContents {
   std::string name, type;  // "/scan", "sensor_msgs/LaserScan"
@@ -46,6 +52,7 @@ struct TopicContents {
   double rate_hz = 0.0;
   double longest_gap_s = 0.0;
   std::vector<std::string> frames;  // of its messages, of transforms "parent -> child"; the first 50
+  std::optional<CloudGeometry> cloud;
 };
 
 struct LogContents {

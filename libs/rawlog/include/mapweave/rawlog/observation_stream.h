@@ -33,6 +33,9 @@ class ObservationStream {
   virtual ~ObservationStream() = default;
 };
 
+// What point clouds of a ROS bag become.
+enum class PointCloudUse { automatic, scans, depth };
+
 struct ReadOptions {
   double reorder_window_s = 0.5;
   double max_object_mb = 256.0;
@@ -45,6 +48,7 @@ struct ReadOptions {
   std::vector<std::string> topics;
   std::string robot_namespace, robot_frame;
   bool use_tf = true, follow = false;
+  PointCloudUse point_clouds = PointCloudUse::automatic;
   int cloud_ring = -1;
   double cloud_low_m = -0.2;
   double cloud_high_m = 0.2;
@@ -91,6 +95,12 @@ struct ReadOptions {
     v.flag("follow", follow,
            "read a recording that mapweave_ros, or serve robot --stdin, still writes as it grows, until it is "
            "finished; false: as far as it goes now");
+    v.choice(
+        "point_clouds", point_clouds,
+        {{"automatic", PointCloudUse::automatic}, {"scans", PointCloudUse::scans}, {"depth", PointCloudUse::depth}},
+        "what point clouds of a ROS bag become: scans (planar scans), depth (depth pictures of a camera, of which "
+        "they hold a point for each pixel) or automatic (depth where a topic .../depth*/points has a camera_info "
+        "and no depth image beside it, else scans)");
     v.integer("cloud_ring", cloud_ring, -1, 65535,
               "number of the ring whose points become planar scans, in a ROS bag with point clouds of a lidar with "
               "rings; -1: the most level one");
