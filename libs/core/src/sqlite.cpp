@@ -1,5 +1,6 @@
-#include <mapweave/core/sqlite.h>
+#include "sqlite_whole_pages.h"
 
+#include <mapweave/core/sqlite.h>
 #include <sqlite3.h>
 
 #include <cerrno>
@@ -35,8 +36,9 @@ Database::Database(const std::filesystem::path& path, Use use, std::filesystem::
   const bool is_new = use == Use::create || use == Use::append;
   const int flags = is_new ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
   const std::string name = is_new ? std::filesystem::absolute(path).string()
-                                  : file_uri(path, use == Use::read ? "mode=ro&immutable=1" : "mode=ro");
-  if (const int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
+                                  : file_uri(path, use == Use::read_with_log ? "mode=ro" : "mode=ro&immutable=1");
+  if (const int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX,
+                                       use == Use::read_cut ? whole_pages_of_files() : nullptr);
       code != SQLITE_OK) {
     try {
       fail(code);
@@ -47,8 +49,12 @@ Database::Database(const std::filesystem::path& path, Use use, std::filesystem::
   }
   sqlite3_extended_result_codes(handle_, 1);
   sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, kMostBytes);
-  sqlite3_db_config(handle_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  // SQLite opens a file that lacks pages only where its schema could be mended. That one is never written.
+  if (use == Use::read_cut)
+    sqlite3_db_config(handle_, SQLITE_DBCONFIG_WRITABLE_SCHEMA, 1, nullptr);
+  else
+    sqlite3_db_config(handle_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
 }
 
 Database::~Database() { sqlite3_close_v2(handle_); }

@@ -11,6 +11,12 @@ namespace mapweave {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+constexpr std::size_t kHeaderBytes = 100;
+
+}
+
 void expect_sqlite_file(const fs::path& path, const std::string& kind, const std::string& ending, bool whole) {
   std::error_code error;
   const auto status = fs::status(path, error);
@@ -28,21 +34,31 @@ void expect_sqlite_file(const fs::path& path, const std::string& kind, const std
   std::ifstream file(path, std::ios::binary);
   if (!file)
     throw Error(ErrorCode::kMissing, "the " + kind + " cannot be opened", path.string(), "check that you may read it");
-  std::string header(100, '\0');
+  std::string header(kHeaderBytes, '\0');
   file.read(header.data(), static_cast<std::streamsize>(header.size()));
   if (file.gcount() == 0) throw corrupt("it is empty; a " + kind + " is expected");
-  if (file.gcount() < 100 || header.compare(0, 16, std::string("SQLite format 3\0", 16)) != 0)
+  if (file.gcount() < static_cast<std::streamsize>(kHeaderBytes) ||
+      header.compare(0, 16, std::string("SQLite format 3\0", 16)) != 0)
     throw corrupt("it is no SQLite file; a " + kind + " (" + ending + ") is expected");
+  const SqliteFileBytes bytes = sqlite_file_bytes(path);
+  if (whole && bytes.is_cut())
+    throw corrupt("it is cut short: it needs " + std::to_string(bytes.needed) + " bytes, " +
+                  std::to_string(bytes.there) + " are there");
+}
+
+SqliteFileBytes sqlite_file_bytes(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string header(kHeaderBytes, '\0');
+  file.read(header.data(), static_cast<std::streamsize>(header.size()));
   const auto big_endian = [&](std::size_t at, std::size_t size) {
     return std::accumulate(header.begin() + static_cast<std::ptrdiff_t>(at),
                            header.begin() + static_cast<std::ptrdiff_t>(at + size), std::uint64_t{0},
                            [](std::uint64_t sum, char byte) { return sum << 8 | static_cast<std::uint8_t>(byte); });
   };
-  const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2), needed = page * big_endian(28, 4);
-  const std::uint64_t there = fs::file_size(path);
-  if (whole && there < needed)
-    throw corrupt("it is cut short: it needs " + std::to_string(needed) + " bytes, " + std::to_string(there) +
-                  " are there");
+  const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2);
+  std::error_code ignored;
+  const auto there = fs::file_size(path, ignored);
+  return {ignored ? 0 : there, page * big_endian(28, 4)};
 }
 
 bool is_locked(const fs::path& path) {

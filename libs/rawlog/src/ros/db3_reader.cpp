@@ -20,6 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kKind = "rosbag2 recording";
+constexpr const char* kCopyAgain = "copy the recording again, or map what precedes this with --keep-going";
 
 // What a recorder that was killed left beside the file.
 bool has_log(const fs::path& path) {
@@ -33,32 +34,34 @@ bool has_log(const fs::path& path) {
 
 const fs::path& looked_at(const fs::path& path, const fs::path& shown) {
   try {
-    expect_sqlite_file(path, kKind, ".db3", !has_log(path));
+    expect_sqlite_file(path, kKind, ".db3", false);
   } catch (const Error& error) {
     throw placed(error, shown.string());
   }
   return path;
 }
 
+// A log beside it may hold the pages that it lacks.
+bool is_cut(const fs::path& path) { return !has_log(path) && sqlite_file_bytes(path).is_cut(); }
+
+Database::Use use_of(const fs::path& path) {
+  if (has_log(path)) return Database::Use::read_with_log;
+  return is_cut(path) ? Database::Use::read_cut : Database::Use::read;
+}
+
 class Db3Reader final : public BagReader {
  public:
   Db3Reader(const fs::path& path, const fs::path& shown, std::uint64_t most_bytes)
-      : database_(looked_at(path, shown), has_log(path) ? Database::Use::read_with_log : Database::Use::read, shown,
-                  kKind),
-        most_bytes_(most_bytes) {
-    std::error_code ignored;
-    bytes_ = fs::file_size(path, ignored);
-    if (database_.number(
-            "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name IN ('topics', 'messages')") != 2)
-      throw Error(ErrorCode::kBadInput,
-                  "is an SQLite file, but no recording of rosbag2: it lacks the tables topics and messages",
-                  shown.string(), "check the path");
-    read_topics();
-    // Rows were written in the order of receipt, nearly. Sorting without an index would hold all messages.
-    is_sorted_ = database_.number(
-                     "SELECT count(*) FROM sqlite_schema WHERE type = 'index' AND tbl_name = 'messages' "
-                     "AND sql LIKE '%timestamp%'") > 0;
-    last_row_ = database_.number("SELECT coalesce(max(id), 0) FROM messages");
+      : database_(looked_at(path, shown), use_of(path), shown, kKind),
+        most_bytes_(most_bytes),
+        size_(sqlite_file_bytes(path)),
+        is_cut_(is_cut(path)) {
+    try {
+      look_into();
+    } catch (const Error& error) {
+      if (is_cut_) throw cut_short(shown.string());
+      throw;
+    }
   }
 
   const std::vector<BagTopic>& topics() const override { return topics_; }
@@ -77,9 +80,13 @@ class Db3Reader final : public BagReader {
     } catch (const Error& error) {
       ended_ = true;
       const std::string where = row_ == 0 ? database_.shown().string() : place_name(static_cast<std::uint64_t>(row_));
+      if (is_cut_) throw cut_short(row_ == 0 ? where : "after " + where);
       throw Error(error.code(), error.problem(), where, error.remedy());
     }
     ended_ = true;
+    if (is_cut_)
+      log(LogLevel::warning,
+          database_.shown().string() + ": the recording is cut short, behind its last message: none is lost");
     return false;
   }
 
@@ -87,14 +94,38 @@ class Db3Reader final : public BagReader {
     return database_.shown().string() + " at message " + std::to_string(place);
   }
   std::uint64_t bytes_read() const override {
-    if (ended_ || last_row_ <= 0) return bytes_;
+    if (ended_) return size_.there;
+    if (last_row_ <= 0) return std::min(size_.there, data_bytes_);
     const double done =
         static_cast<double>(std::clamp<std::int64_t>(row_, 0, last_row_)) / static_cast<double>(last_row_);
-    return static_cast<std::uint64_t>(done * static_cast<double>(bytes_));
+    return static_cast<std::uint64_t>(done * static_cast<double>(size_.there));
   }
-  std::uint64_t bytes_total() const override { return bytes_; }
+  std::uint64_t bytes_total() const override { return size_.there; }
 
  private:
+  void look_into() {
+    if (database_.number(
+            "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name IN ('topics', 'messages')") != 2)
+      throw Error(ErrorCode::kBadInput,
+                  "is an SQLite file, but no recording of rosbag2: it lacks the tables topics and messages",
+                  database_.shown().string(), "check the path");
+    read_topics();
+    // The last row and the index would lead behind the cut.
+    if (is_cut_) return;
+    // Rows were written in the order of receipt, nearly. Sorting without an index would hold all messages.
+    is_sorted_ = database_.number(
+                     "SELECT count(*) FROM sqlite_schema WHERE type = 'index' AND tbl_name = 'messages' "
+                     "AND sql LIKE '%timestamp%'") > 0;
+    last_row_ = database_.number("SELECT coalesce(max(id), 0) FROM messages");
+  }
+
+  Error cut_short(const std::string& where) const {
+    return Error(ErrorCode::kCorrupt,
+                 "the recording is cut short: it needs " + std::to_string(size_.needed) + " bytes, " +
+                     std::to_string(size_.there) + " are there",
+                 where, kCopyAgain);
+  }
+
   void read_topics() {
     std::string left_out;
     Statement rows(database_, "SELECT id, name, type, serialization_format FROM topics ORDER BY id");
@@ -139,17 +170,20 @@ class Db3Reader final : public BagReader {
       throw Error(
           ErrorCode::kCorrupt,
           "the message is of topic " + std::to_string(rows_->integer(1)) + ", which the table of topics does not hold",
-          {}, "copy the recording again, or map what precedes this with --keep-going");
+          {}, kCopyAgain);
     if (!topic->second || !is_selected(*topic->second)) return false;
     message.topic = *topic->second;
     message.received_ns = rows_->integer(2);
     message.place = static_cast<std::uint64_t>(row_);
+    data_bytes_ += rows_->bytes(3).size();
     unpack_message(rows_->bytes(3), most_bytes_, message.data);
     return true;
   }
 
   Database database_;
-  std::uint64_t most_bytes_, bytes_ = 0;
+  std::uint64_t most_bytes_, data_bytes_ = 0;  // data_bytes_: of the messages so far, as they are in the file
+  SqliteFileBytes size_;
+  bool is_cut_;
   std::map<std::int64_t, std::optional<std::size_t>> topic_of_;  // by id; nullopt: left out
   std::vector<BagTopic> topics_;
   std::vector<bool> selected_;  // empty: all

@@ -10,6 +10,7 @@
 #include <mapweave/core/error.h>
 
 #include <cerrno>
+#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -28,7 +29,7 @@ class UnpackedPart {
       throw Error(ErrorCode::kCannotWrite, "no temporary folder can be made: " + std::generic_category().message(errno),
                   folder_, "name another folder in TMPDIR");
     try {
-      unpack_zstd_file(packed, path());
+      cut_ = unpack_zstd_file(packed, path());
     } catch (...) {
       remove();
       throw;
@@ -38,6 +39,7 @@ class UnpackedPart {
   UnpackedPart(const UnpackedPart&) = delete;
   UnpackedPart& operator=(const UnpackedPart&) = delete;
   fs::path path() const { return fs::path(folder_) / "part"; }
+  const std::optional<Error>& cut() const { return cut_; }  // none: it is whole
 
  private:
   void remove() const {
@@ -45,19 +47,46 @@ class UnpackedPart {
     fs::remove_all(folder_, ignored);
   }
   std::string folder_;
+  std::optional<Error> cut_;
 };
 
-OpenedPart open_part(const fs::path& part, std::uint64_t most_bytes) {
-  OpenedPart opened;
-  fs::path plain = part, name = part;
-  if (part.extension() == ".zstd") {
-    const auto unpacked = std::make_shared<UnpackedPart>(part);
-    plain = unpacked->path();
-    name = part.stem();
-    opened.kept = unpacked;
+// What was unpacked of a part that is cut short. Wherever it ends, the part's end is what is said.
+class CutPart final : public BagReader {
+ public:
+  CutPart(std::unique_ptr<BagReader> unpacked, Error cut) : unpacked_(std::move(unpacked)), cut_(std::move(cut)) {}
+  const std::vector<BagTopic>& topics() const override { return unpacked_->topics(); }
+  void select(const std::vector<std::size_t>& topics) override { unpacked_->select(topics); }
+  bool next(BagMessage& message) override {
+    try {
+      if (unpacked_->next(message)) return true;
+    } catch (const Error&) {  // of what is said here
+    }
+    throw cut_;
   }
-  opened.reader = name.extension() == ".mcap" ? open_mcap(plain, most_bytes) : open_db3_as(plain, part, most_bytes);
-  return opened;
+  std::string place_name(std::uint64_t place) const override { return unpacked_->place_name(place); }
+  std::uint64_t bytes_read() const override { return unpacked_->bytes_read(); }
+  std::uint64_t bytes_total() const override { return unpacked_->bytes_total(); }
+
+ private:
+  std::unique_ptr<BagReader> unpacked_;
+  Error cut_;
+};
+
+std::unique_ptr<BagReader> open_plain(const fs::path& plain, const fs::path& name, const fs::path& shown,
+                                      std::uint64_t most_bytes) {
+  return name.extension() == ".mcap" ? open_mcap(plain, most_bytes) : open_db3_as(plain, shown, most_bytes);
+}
+
+OpenedPart open_part(const fs::path& part, std::uint64_t most_bytes) {
+  if (part.extension() != ".zstd") return {nullptr, open_plain(part, part, part, most_bytes)};
+  const auto unpacked = std::make_shared<UnpackedPart>(part);
+  const auto open = [&] { return open_plain(unpacked->path(), part.stem(), part, most_bytes); };
+  if (!unpacked->cut()) return {unpacked, open()};
+  try {
+    return {unpacked, std::make_unique<CutPart>(open(), *unpacked->cut())};
+  } catch (const Error&) {
+    throw *unpacked->cut();
+  }
 }
 
 std::string place_in(const fs::path& part) {

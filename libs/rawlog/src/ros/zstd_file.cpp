@@ -35,7 +35,7 @@ void unpack_message(std::string_view data, std::uint64_t most_bytes, std::vector
   to.assign(bytes, bytes + data.size());
 }
 
-void unpack_zstd_file(const std::filesystem::path& from, const std::filesystem::path& to) {
+std::optional<Error> unpack_zstd_file(const std::filesystem::path& from, const std::filesystem::path& to) {
   const SeekableFile file(from);
   std::ofstream unpacked(to, std::ios::binary | std::ios::trunc);
   const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> context(ZSTD_createDCtx(), ZSTD_freeDCtx);
@@ -61,7 +61,9 @@ void unpack_zstd_file(const std::filesystem::path& from, const std::filesystem::
   if (!unpacked)
     throw Error(ErrorCode::kCannotWrite, "what " + from.string() + " holds cannot be unpacked there", to.string(),
                 "free some space, or name another folder in TMPDIR");
-  if (!frame_ended) throw damage("the zstd ends early", from.string());
+  if (frame_ended) return std::nullopt;
+  return Error(ErrorCode::kCorrupt, "the zstd is cut short: it ends within a frame", file.place(file.bytes()),
+               "copy the recording again, or map what precedes this with --keep-going");
 }
 
 }  // namespace mapweave::rawlog::ros

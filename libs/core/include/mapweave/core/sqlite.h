@@ -14,11 +14,12 @@ namespace mapweave {
 
 class Database {
  public:
-  enum class Use { create, append, read, read_with_log };
+  enum class Use { create, append, read, read_with_log, read_cut };
   // create: a new file for one writer. append: the same, or one that is there. read: never writes nor locks, also where
   // the folder or disk is read-only; what the file's schema says is not trusted. read_with_log: as read,
   // of a file with a write-ahead log beside it, which a process that was killed left; needs a folder that may be
-  // written. `shown`, `kind`: the file that messages speak of, and what it should be.
+  // written. read_cut: as read, of a file that lacks pages at its end: what needs one of them is Error(kCorrupt).
+  // `shown`, `kind`: the file that messages speak of, and what it should be.
   Database(const std::filesystem::path& path, Use use, std::filesystem::path shown, const char* kind = "map store");
   ~Database();
   Database(const Database&) = delete;
