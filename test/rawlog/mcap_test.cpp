@@ -291,6 +291,27 @@ TEST_F(Mcap, a_wrong_checksum_says_what_is_lost) {
   EXPECT_EQ(read_mcap(write_bytes(folder / "silent.mcap", silent)).error, nullptr);
 }
 
+TEST_F(Mcap, a_message_that_makes_no_sense_may_be_of_a_damaged_chunk) {
+  const TemporaryFolder folder;
+  const std::string bytes = bytes_of_recording("none.mcap");
+  const auto records = records_of(bytes);
+  const auto last = std::find_if(records.rbegin(), records.rend(),
+                                 [](const PlacedMcapRecord& record) { return record.opcode == Opcode::kChunk; });
+  const std::size_t cdr = bytes.find(std::string("\0\1\0\0\x64\0\0\0", 8), last->begin);
+  ASSERT_LT(cdr, last->end);
+  const std::string unchecked = with_number(bytes, last->begin + kRecordHeadBytes + 24, std::uint32_t{0});
+  const auto error = read_all(write_bytes(folder / "a.mcap", with_number(unchecked, cdr, std::uint8_t{7}))).error;
+  EXPECT_THAT(error,
+              IsError(ErrorCode::kUnsupported, "the chunk that begins there has no checksum and may be damaged"));
+  EXPECT_THAT(error->where(), HasSubstr("a.mcap at byte " + std::to_string(last->begin) + ", topic /scan"));
+  // Where there is no chunk, none is blamed.
+  const auto unchunked = bytes_of_recording("unchunked.mcap");
+  const std::size_t alone = unchunked.find(std::string("\0\1\0\0\x64\0\0\0", 8));
+  const auto written = read_all(write_bytes(folder / "b.mcap", with_number(unchunked, alone, std::uint8_t{7}))).error;
+  ASSERT_NE(written, nullptr);
+  EXPECT_EQ(std::string(written->what()).find("chunk"), std::string::npos);
+}
+
 TEST_F(Mcap, a_bag_that_its_recorder_did_not_finish_is_read_with_a_warning) {
   const TemporaryFolder folder;
   const std::string bytes = bytes_of_recording("lz4.mcap");

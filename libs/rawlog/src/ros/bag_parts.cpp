@@ -55,6 +55,7 @@ class PartsReader final : public BagReader {
     return part.string() + parts_.place(part) + std::to_string(place & ((std::uint64_t{1} << kPlaceBits) - 1));
   }
 
+  std::string doubt() const override { return opened_.reader ? opened_.reader->doubt() : std::string(); }
   std::uint64_t bytes_read() const override {
     if (!opened_.reader || opened_.reader->bytes_total() == 0) return bytes_before_;
     const double done =

@@ -53,6 +53,9 @@ class BagReader {
   /** A place for error messages, such as "byte 4711 of robot.bag". */
   [[nodiscard]] virtual std::string place_name(std::uint64_t place) const = 0;
 
+  /** What else may be the reason where a message that was delivered makes no sense; empty where nothing is known. */
+  [[nodiscard]] virtual std::string doubt() const { return {}; }
+
   [[nodiscard]] virtual std::uint64_t bytes_read() const = 0;
   [[nodiscard]] virtual std::uint64_t bytes_total() const = 0;
 };

@@ -105,7 +105,9 @@ class BagSource final : public RecordSource {
       work();
     } catch (const Error& error) {
       const std::string where = bag_->place_name(place) + ", topic " + bag_->topics()[topic].name;
-      throw Error(error.code(), error.problem(), where + (error.where().empty() ? "" : ", " + error.where()),
+      const std::string doubt = bag_->doubt();
+      throw Error(error.code(), error.problem() + (doubt.empty() ? "" : "; " + doubt),
+                  where + (error.where().empty() ? "" : ", " + error.where()),
                   error.remedy().empty() ? "map what precedes it with --keep-going" : error.remedy());
     }
   }

@@ -64,6 +64,11 @@ class FileWindow {
   std::vector<char> bytes_;
 };
 
+Error ends_within_record(const RecordHead& head, std::uint64_t left) {
+  return damage("the file ends within a record: it should go on for " + std::to_string(head.bytes) + " bytes, and " +
+                std::to_string(left) + " are there");
+}
+
 // What a chunk holds, in it or in `unpacked`; of one that is cut its beginning.
 std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, UnpackedChunk& unpacked) {
   if (chunk.unpacked_bytes > most_bytes)
@@ -173,6 +178,9 @@ class McapReader final : public BagReader {
   }
 
   std::string place_name(std::uint64_t place) const override { return file_.place(place); }
+  std::string doubt() const override {
+    return has_unchecked_chunks_ ? "the chunk that begins there has no checksum and may be damaged" : "";
+  }
   std::uint64_t bytes_read() const override { return position_; }
   std::uint64_t bytes_total() const override { return file_.bytes(); }
 
@@ -267,16 +275,12 @@ class McapReader final : public BagReader {
         take_chunk(parse_cut_chunk(window_.bytes_at(position_ + kRecordHeadBytes, left, "a chunk")));
     } catch (const Error&) {  // of what is said here
     }
-    pending_ = std::make_exception_ptr(damage("the file ends within a record: it should go on for " +
-                                              std::to_string(head.bytes) + " bytes, and " + std::to_string(left) +
-                                              " are there"));
+    pending_ = std::make_exception_ptr(ends_within_record(head, left));
   }
 
   void skip_record(const RecordHead& head) {
     const std::uint64_t left = file_.bytes() - position_ - kRecordHeadBytes;
-    if (head.bytes > left)
-      throw damage("the file ends within a record: it should go on for " + std::to_string(head.bytes) + " bytes, and " +
-                   std::to_string(left) + " are there");
+    if (head.bytes > left) throw ends_within_record(head, left);
     const std::uint64_t end = position_ + kRecordHeadBytes + head.bytes;
     while (data_crc_ != 0 && position_ < end)
       pass(window_.bytes_at(position_, std::min<std::uint64_t>(end - position_, kWindowBytes), "a record"));
@@ -305,6 +309,7 @@ class McapReader final : public BagReader {
   }
 
   void take_chunk(const McapChunk& chunk) {
+    has_unchecked_chunks_ = has_unchecked_chunks_ || chunk.crc == 0;
     std::string_view records = records_of(chunk, window_.most_bytes(), unpacked_);
     try {
       while (!records.empty()) {
@@ -353,7 +358,7 @@ class McapReader final : public BagReader {
   FileWindow window_;
   const bool follows_;
   McapChannels channels_;
-  bool has_counts_ = false, began_ = false, ended_ = false;
+  bool has_counts_ = false, began_ = false, ended_ = false, has_unchecked_chunks_ = false;
   std::optional<std::vector<bool>> selected_;
   bool by_index_ = false;
   std::vector<McapChunkIndex> chunks_;

@@ -64,6 +64,7 @@ class CutPart final : public BagReader {
     throw cut_;
   }
   std::string place_name(std::uint64_t place) const override { return unpacked_->place_name(place); }
+  std::string doubt() const override { return unpacked_->doubt(); }
   std::uint64_t bytes_read() const override { return unpacked_->bytes_read(); }
   std::uint64_t bytes_total() const override { return unpacked_->bytes_total(); }
 
