@@ -126,7 +126,7 @@ class Formats(support.Scenario):
                 self.assert_nothing_left("refused")
                 kept = self.stamps(self.slam(recording, "--keep-going", "--force", code=BAD_INPUT))
                 self.assertEqual(kept, whole[:len(kept)])
-                self.assertGreater(len(kept), len(whole) / 2)
+                self.assertGreater(len(kept), len(whole) / 3)   # zstd packs what comes later better
                 self.assertLess(len(kept), len(whole))
 
     def test_recordings_of_no_bytes_are_refused(self):
