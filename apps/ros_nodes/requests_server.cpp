@@ -5,7 +5,6 @@
 #include "ros_names.h"
 
 #include <mapweave/core/files.h>
-#include <mapweave/core/log.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +15,12 @@ namespace {
 
 constexpr char kRequests[] = "cloud/requests";
 constexpr std::uint32_t kQueue = 10;
+
+std::string joined_names(const std::vector<RobotId>& robots, const std::string& between) {
+  std::string names;
+  for (const RobotId& robot : robots) names += (names.empty() ? "" : between) + robot.str();
+  return names;
+}
 
 // Standard deviations of a pose, where it has them.
 void take_covariance(const geometry_msgs::PoseWithCovarianceStamped& pose, GivenPose& given) {
@@ -49,6 +54,8 @@ RequestsServer::RequestsServer(RosNode& node, const Team& team, std::filesystem:
     requests_ = runtime::decode_live_requests(read_file(file_), team_.plan, file_.string());
     follow_(requests_);
   }
+  publisher_ = node.handle().advertise<std_msgs::String>(kRequests, 1, true);
+  answers_ = node.handle().advertise<rosgraph_msgs::Log>("/rosout", kQueue);
   using Pose = geometry_msgs::PoseWithCovarianceStamped;
   for (const runtime::PlannedRobot& robot : team_.plan.robots) {
     const std::string name = RosNames({robot.id.str()}).of(robot.id.str());
@@ -57,7 +64,6 @@ RequestsServer::RequestsServer(RosNode& node, const Team& team, std::filesystem:
   }
   poses_.push_back(node.handle().subscribe<Pose>("initialpose", kQueue,
                                                  [this](const Pose::ConstPtr& pose) { take_pose_of_apart(*pose); }));
-  publisher_ = node.handle().advertise<std_msgs::String>(kRequests, 1, true);
   std_msgs::String message;
   message.data = encode(requests_);
   publisher_.publish(message);
@@ -93,7 +99,7 @@ bool RequestsServer::undo_join(mapweave_msgs::UndoJoin::Request& request, mapwea
     response.success = 0;
     response.message = error.what();
   }
-  log(LogLevel::info, "undo_join: " + response.message);
+  answer(LogLevel::info, "undo_join: " + response.message);
   return true;
 }
 
@@ -111,9 +117,9 @@ void RequestsServer::take_pose(const RobotId& robot, const geometry_msgs::PoseWi
     runtime::LiveRequests requests = requests_;
     add_pose(given, preview != nullptr ? *preview : runtime::LivePreview(), team_.configuration, requests);
     apply(std::move(requests));
-    log(LogLevel::info, "robot " + robot.str() + ": its pose in the team's map was given, and counts from now on");
+    answer(LogLevel::info, "robot " + robot.str() + ": its pose in the team's map was given, and counts from now on");
   } catch (const Error& error) {
-    log(LogLevel::warning, "the pose given of robot " + robot.str() + " is left out: " + error.what());
+    answer(LogLevel::warning, "the pose given of robot " + robot.str() + " is left out: " + error.what());
   }
 }
 
@@ -126,8 +132,26 @@ void RequestsServer::take_pose_of_apart(const geometry_msgs::PoseWithCovarianceS
       apart.insert(apart.end(), robots.begin(), robots.end());
     }
   if (apart.size() == 1) return take_pose(apart.front(), pose);
-  log(LogLevel::warning, "a pose on initialpose is left out, since " + std::to_string(apart.size()) +
-                             " robots are apart from the largest map; publish it on ROBOT/initialpose");
+  std::string why;
+  if (preview == nullptr || preview->parts.empty())
+    why = "there is no map yet";
+  else if (apart.empty())
+    why = "all robots that have a map are in the largest one; publish it on ROBOT/initialpose";
+  else
+    why = "it may be of " + joined_names(apart, " or ") + ", which are apart from the largest map; publish it on " +
+          RosNames({apart.front().str()}).of(apart.front().str()) + "/initialpose or its like";
+  answer(LogLevel::warning, "a pose on initialpose is left out: " + why);
+}
+
+// On the console, and for who listens to ROS alone.
+void RequestsServer::answer(LogLevel level, const std::string& text) {
+  log(level, text);
+  rosgraph_msgs::Log message;
+  message.header.stamp = ros::Time::now();
+  message.level = level == LogLevel::warning ? rosgraph_msgs::Log::WARN : rosgraph_msgs::Log::INFO;
+  message.name = ros::this_node::getName();
+  message.msg = text;
+  answers_.publish(message);
 }
 
 RequestsReader::RequestsReader(RosNode& node, const runtime::RunPlan& plan, RequestsServer::Follow follow)

@@ -4,9 +4,11 @@
 #include "ros_node.h"
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <mapweave/core/log.h>
 #include <mapweave/runtime/live_preview.h>
 #include <mapweave/runtime/live_requests.h>
 #include <mapweave_msgs/UndoJoin.h>
+#include <rosgraph_msgs/Log.h>
 #include <std_msgs/String.h>
 #include <std_srvs/Trigger.h>
 
@@ -35,9 +37,9 @@ class EndService {
 
 // undo_join (mapweave_msgs/UndoJoin) below the tier's name: two robots' maps are never matched to each other from then
 // on. ROBOT/initialpose (geometry_msgs/PoseWithCovarianceStamped, in the team frame): where the robot is now;
-// initialpose, which RViz publishes: of the one robot whose map is not in the largest one. Kept in a file, so that a
-// program that is started again knows them, and published as they are (CLOUD/requests, latched JSON), for edges that
-// are other programs.
+// initialpose, which RViz publishes: of the one robot whose map is not in the largest one. What comes of a request is
+// said on /rosout too. Kept in a file, so that a program that is started again knows them, and published as they are
+// (CLOUD/requests, latched JSON), for edges that are other programs.
 class RequestsServer {
  public:
   using Preview = std::function<std::shared_ptr<const runtime::LivePreview>()>;
@@ -54,6 +56,7 @@ class RequestsServer {
   void take_pose(const RobotId& robot, const geometry_msgs::PoseWithCovarianceStamped& pose);
   void take_pose_of_apart(const geometry_msgs::PoseWithCovarianceStamped& pose);
   void apply(runtime::LiveRequests requests);
+  void answer(LogLevel level, const std::string& text);
 
   const Team team_;
   const std::filesystem::path file_;
@@ -62,7 +65,7 @@ class RequestsServer {
   std::mutex mutex_;
   runtime::LiveRequests requests_;
   std::vector<ros::Subscriber> poses_;
-  ros::Publisher publisher_;
+  ros::Publisher publisher_, answers_;
 };
 
 // Follows what a RequestsServer of another program publishes. Calls come on the node's thread.

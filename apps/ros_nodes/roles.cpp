@@ -111,19 +111,19 @@ bool CoordinatorNode::look(runtime::LiveCoordinator& coordinator, const Status& 
     plan_ = node().handle().advertise<std_msgs::String>("coordinator/plan", 1, true);
   }
   const runtime::LivePlan plan = coordinator.plan();
-  if (plan.number != published_) {
+  if (plan.number != published_ || has_decided_) {
     std_msgs::String message;
     message.data = encode(plan);
     plan_.publish(message);
     published_ = plan.number;
   }
-  return is_asked_.exchange(false);
+  return has_decided_ = is_asked_.exchange(false);  // once this has returned, the coordinator decides
 }
 
 bool CoordinatorNode::replan(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   is_asked_ = true;
   response.success = 1;
-  response.message = "the coordinator decides anew";
+  response.message = "the coordinator decides now; its plan comes on coordinator/plan, also where it stays as it is";
   return true;
 }
 

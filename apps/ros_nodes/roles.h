@@ -75,7 +75,8 @@ class CloudNode : public NodeRole {
   std::optional<EndService> end_;
 };
 
-// coordinator/replan (std_srvs/Trigger) decides at once; coordinator/plan (std_msgs/String, latched) is the plan.
+// coordinator/replan (std_srvs/Trigger) decides at once; coordinator/plan (std_msgs/String, latched) is the plan, sent
+// again where it was asked for.
 class CoordinatorNode : public NodeRole {
  public:
   using NodeRole::look;
@@ -84,6 +85,7 @@ class CoordinatorNode : public NodeRole {
  private:
   bool replan(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
   std::atomic<bool> is_asked_{false};
+  bool has_decided_ = false;  // since somebody asked
   std::uint64_t published_ = 0;
   ros::Publisher plan_;
 };

@@ -266,27 +266,6 @@ robots: [{id: alpha, length_m: 2}]
         self.finish(node)
         self.same_as_batch(40)
 
-    def test_users_undo_a_join_and_give_a_pose(self):
-        node = self.team()
-        player = self.play(drives(), 8.0, 1, "keep")
-        self.await_word(node, "one map of tb0 + tb1")
-        self.assertIn("no robot 'tb9'", self.call("/cloud/undo_join", "mapweave_msgs/UndoJoin", "'tb0', 'tb9'"))
-        self.run_python("""
-import rospy
-from geometry_msgs.msg import PoseWithCovarianceStamped
-rospy.init_node('giver', anonymous=True)
-publisher = rospy.Publisher('/tb1/initialpose', PoseWithCovarianceStamped, queue_size=1, latch=True)
-pose = PoseWithCovarianceStamped(); pose.header.frame_id = 'team'; pose.pose.pose.position.x = 1.0; pose.pose.pose.orientation.w = 1.0
-publisher.publish(pose); rospy.sleep(1.0)
-""")
-        self.await_word(node, "its pose in the team's map was given")
-        self.assertIn("success: True", self.call("/cloud/undo_join", "mapweave_msgs/UndoJoin", "'tb0', 'tb1'"))
-        self.await_word(player, "ended")
-        self.assertIn("success: True", self.call("/team/finish", "std_srvs/Trigger"))
-        node.wait(120 * support.PATIENCE)
-        self.assertEqual(node.returncode, support.APART, node.log.read_text())
-        self.assertEqual(self.read_json("maps/merges.json")[0]["decision"], "refused")
-
     def test_a_robot_that_never_comes_is_named_and_the_others_are_mapped(self):
         node = self.team(robots=[*SHIFTS, "tb2"])
         player = self.play(drives(), 8.0, 1, "keep")
