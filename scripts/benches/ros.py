@@ -27,8 +27,8 @@ PYTHON = "/usr/bin/python3"
 LIMIT_S = 1.0
 LEAST_TIMED = 0.25  # of all scans; the others were sensed where a robot stood still
 # Log, robots, seconds between previews, seconds within which messages are sorted (twenty robots of one player come out of order by more than 0.1 s where it is busy), whether the
-# latency is held against the limit.
-ROWS = (("intel", 3, 0.5, 0.1, True), ("fr079", 2, 0.5, 0.1, True), ("fr079", 20, 2.0, 0.5, False))
+# latency is held against the limit: with the default window of 0.5 s it is above it.
+ROWS = (("intel", 3, 0.5, 0.1, True), ("intel", 3, 0.5, 0.5, False), ("fr079", 2, 0.5, 0.1, True), ("fr079", 20, 2.0, 0.5, False))
 
 
 def add_arguments(parser):
@@ -170,7 +170,8 @@ def run(arguments):
               f"{row['cores']:.2f}") for row in rows]
     result = common.table(("robots", "scans published", "missing in the map", "bytes of the recording's map", "scans timed", "previews every", "messages sorted within", "scan to the robot's map, median", "p95", "longest", "processors, with the player"), cells)
     result += (f"\n\nMeasured by `scripts/bench ros` on {common.machine()}, at {arguments.speed:g} times sensor speed for {arguments.seconds:g} s, all programs on one machine: from publishing a scan to receiving "
-               "the robot's grid that has it. Timed are scans that are in its path; the others were sensed where it stood still. Messages are sorted within `reading.reorder_window_s` (0.5 s unless set).")
+               "the robot's grid that has it. Timed are scans that are in its path; the others were sensed where it stood still. Messages are sorted within `reading.reorder_window_s` (0.5 s unless set). "
+               "With this default a scan waits for newer ones, so that the p95 is not held against the limit of 1 s: that is done where messages are sorted within 0.1 s.")
     common.write_json("ros", {"machine": common.machine(), "commit": common.commit(), "rows": rows})
     print(result)
     if found:
