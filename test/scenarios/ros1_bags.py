@@ -36,9 +36,16 @@ def odometry(stamp, x, y, heading, topic="/odom", child="base_link"):
 
 
 def image(stamp, width, height, pixels, topic, frame="camera", encoding="mono8"):
-    """Rows without gaps; of mono8 a byte for each pixel."""
+    """Rows without gaps; of mono8 a byte for each pixel, of 16UC1 two, millimetres."""
     data = _header(stamp, frame) + struct.pack("<II", height, width) + _text(encoding) + b"\0" + struct.pack("<I", len(pixels) // height) + _text(pixels)
     return topic, "sensor_msgs/Image", stamp, data
+
+
+def imu(stamp, yaw_rate, topic="/imu", frame="base_link"):
+    """A unit that lies level, without an orientation of its own."""
+    unknown, known = struct.pack("<9d", -1, *8 * [0.0]), struct.pack("<9d", 1e-6, 0, 0, 0, 1e-6, 0, 0, 0, 1e-6)
+    data = _header(stamp, frame) + struct.pack("<4d", 0, 0, 0, 1) + unknown + struct.pack("<3d", 0, 0, yaw_rate) + known + struct.pack("<3d", 0, 0, 9.81) + known
+    return topic, "sensor_msgs/Imu", stamp, data
 
 
 def camera_info(stamp, width, height, focal, topic, frame="camera"):
@@ -113,18 +120,19 @@ def drive(scans=30, robot="", shift=0.0, upside_down=False, time_increment=0.0):
     return messages
 
 
-def cloud_drive(with_rings, scans=20):
+def cloud_drive(with_rings, scans=20, robot="", shift=0.0):
     """As drive(), with clouds of three heights: the lowest and highest see a wall that is nearer."""
-    messages = [transforms(1000.0, [("base_link", "laser", 0.0, 0.0, 0.3, 0.0, 0.0)])]
+    topics, frames = (f"/{robot}/", f"{robot}/") if robot else ("/", "")
+    messages = [transforms(1000.0, [(frames + "base_link", frames + "laser", 0.0, 0.0, 0.3, 0.0, 0.0)])]
     for i in range(scans):
-        x, y, stamp = 2.0 + 0.05 * i, 2.0, 1000.0 + 0.2 * i
-        messages.append(odometry(stamp, x, y, 0.0))
+        x, y, stamp = 2.0 + shift + 0.05 * i, 2.0, 1000.0 + 0.2 * i
+        messages.append(odometry(stamp, x, y, 0.0, topics + "odom", frames + "base_link"))
         points = []
         for k, distance in enumerate(support.room_ranges(x, y, 0.0)):
             angle = math.pi * (k / 180 - 0.5)
             for ring, (height, share) in enumerate([(-0.25, 0.6), (0.0, 1.0), (0.25, 0.7)]):
                 points.append((share * distance * math.cos(angle), share * distance * math.sin(angle), height, ring))
-        messages.append(cloud(stamp, points, with_rings))
+        messages.append(cloud(stamp, points, with_rings, topics + "points", frames + "laser"))
     return messages
 
 

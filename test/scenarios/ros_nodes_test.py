@@ -1,45 +1,11 @@
 """Nodes of ROS 1 on this machine: what robots publish becomes the map of the recording, whatever is killed meanwhile."""
 import pickle
-import struct
 import time
 import unittest
-import zlib
 
 import ros1_bags
 import support
 from ros_scenario import HERE, NODES, PYTHON, SHIFTS, RosScenario, drives
-
-
-def grey_pixels(png):
-    """(width, height, bytes) of a grey picture of 8 bits."""
-    at, packed = 8, b""
-    while at < len(png):
-        length, kind = struct.unpack_from(">I4s", png, at)
-        if kind == b"IHDR":
-            width, height, bits, colours = struct.unpack_from(">IIBB", png, at + 8)
-            assert (bits, colours) == (8, 0)
-        elif kind == b"IDAT":
-            packed += png[at + 8:at + 8 + length]
-        at += 12 + length
-    raw, rows, above = zlib.decompress(packed), [], bytes(width)
-    for y in range(height):
-        line, row = raw[y * (width + 1):(y + 1) * (width + 1)], bytearray(width)
-        how, left, corner = line[0], 0, 0
-        for x, (value, up) in enumerate(zip(line[1:], above)):
-            if how == 1:
-                value += left
-            elif how == 2:
-                value += up
-            elif how == 3:
-                value += (left + up) // 2
-            elif how == 4:
-                off_left, off_up, off_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
-                value += left if off_left <= off_up and off_left <= off_corner else up if off_up <= off_corner else corner
-            left, corner = value & 255, up
-            row[x] = left
-        above = bytes(row)
-        rows.append(above)
-    return width, height, b"".join(rows)
 
 
 class RosNodes(RosScenario):
@@ -198,32 +164,6 @@ print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).data.count(100), len
         self.assertGreater(walls, 20)
         self.assertIn(poses, range(1, 6))
         node.kill()
-
-    def test_a_robot_with_a_camera_is_mapped_as_its_recording(self):
-        self.mapweave("simulate", self.write("world.yaml", """
-seed: 7
-buildings: [{kind: apartment, apartment: {width_m: 8, height_m: 7}}]
-cameras: [{id: eye, kind: mono, width: 320, height: 240, fx: 262, fy: 262, frames_per_second: 5}]
-logs: {layout: folders}
-robots: [{id: alpha, length_m: 2}]
-"""), "--out", "world")
-        messages = []
-        for picture in sorted((self.folder / "world").glob("alpha_*/rgb/*.png")):
-            width, height, pixels = grey_pixels(picture.read_bytes())
-            stamp = float(picture.stem)
-            messages.append(ros1_bags.camera_info(stamp, width, height, 262.0, "/eye/camera/camera_info"))
-            messages.append(ros1_bags.image(stamp, width, height, pixels, "/eye/camera/image_raw"))
-        self.assertGreater(len(messages), 60)
-        node = self.team(robots=["eye"])
-        self.await_word(self.play(messages, 4.0, 1, "keep"), "ended")
-        self.assertIn("/eye/camera/image_raw", node.log.read_text())
-        self.finish(node)
-        self.mapweave("run", "maps.logs/run.yaml", "--out", "batch")
-        results = [path.relative_to(self.folder / "batch") for path in (self.folder / "batch").rglob("*") if path.name in ("map.mwdb", "trajectory.tum")]
-        self.assertGreater(len(results), 1)
-        for result in results:
-            self.assertEqual((self.folder / "maps" / result).read_bytes(), (self.folder / "batch" / result).read_bytes(), result)
-        self.assertGreater(self.read_json("maps/summary.json")["robots"][0]["cameras"][0]["tracked"], 20)
 
     def test_a_killed_master_stops_nothing_and_a_new_one_knows_the_nodes(self):
         node = self.team()
