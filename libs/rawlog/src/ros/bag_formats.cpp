@@ -2,6 +2,7 @@
 
 #include "../byte_source.h"
 #include "../camera_folder.h"
+#include "../log_writer.h"
 #include "bag_source.h"
 #include "mcap_reader.h"
 #include "ros1_bag.h"
@@ -58,6 +59,9 @@ std::unique_ptr<BagReader> open_bag(const std::filesystem::path& path, const Rea
     start = bytes.ahead(kStartBytes);
     is_packed = bytes.packed();
   }
+  if (options.follow && (is_ros1_bag(start) || is_db3(start)) && LogWriterWatch(path).has_writer())
+    throw Error(ErrorCode::kUnsupported, "is a bag of a format that is not read while it is written", path.string(),
+                "record as MCAP, or map the bag when it is finished");
   if (is_ros1_bag(start)) return open_ros1_bag(path, most);
   if (!is_mcap(start) && !is_db3(start)) return nullptr;
   if (is_packed)

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <exception>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -115,11 +116,44 @@ void expect_ros_messages(const McapChannels& channels, const SeekableFile& file)
               file.path().string(), "record with ROS, or convert it");
 }
 
+// Of a RosRecorder, which describes all topics before the first message.
+bool is_of_recorder(const SeekableFile& file) {
+  constexpr std::uint64_t kMostHeaderBytes = 128;
+  std::string start(static_cast<std::size_t>(std::min(file.bytes(), kMostHeaderBytes)), '\0');
+  return file.read_at(0, start.data(), start.size()) && start.find(kRecorderLibrary) != std::string::npos;
+}
+
 // Or will be: the file ends there.
 bool is_message_at(const SeekableFile& file, std::uint64_t position) {
   char opcode = 0;
   return !file.read_at(position, &opcode, 1) || static_cast<Opcode>(opcode) == Opcode::kMessage;
 }
+
+// Of a recording that is still written. A RosRecorder describes all topics before the first message, other programs a
+// topic when its first message comes: those of the first seconds count.
+class BeginningOfRecording {
+ public:
+  void pass(std::int64_t log_ns) {
+    newest_ns_ = std::max(first_ns_ ? newest_ns_ : log_ns, log_ns);
+    if (!first_ns_) first_ns_ = log_ns;
+  }
+  bool shows_topics(const McapChannels& channels, const SeekableFile& file, std::uint64_t position) const {
+    constexpr std::int64_t kTopicsWithin_ns = 2'000'000'000;
+    if (channels.topics().empty()) return false;
+    if (is_of_recorder(file)) return is_message_at(file, position);
+    return first_ns_.has_value() && newest_ns_ - *first_ns_ >= kTopicsWithin_ns;
+  }
+  void name_late(const std::string& topic, const SeekableFile& file) {
+    if (late_.insert(topic).second)
+      log(LogLevel::warning, file.path().string() + ": topic " + topic +
+                                 " came late, and is left out while the recording is written; the finished one has it");
+  }
+
+ private:
+  std::optional<std::int64_t> first_ns_;
+  std::int64_t newest_ns_ = 0;
+  std::set<std::string> late_;
+};
 
 class McapReader final : public BagReader {
  public:
@@ -196,8 +230,7 @@ class McapReader final : public BagReader {
   void find_topics() {
     selected_.emplace();
     try {
-      while (!(follows_ && file_.look_again() && !channels_.topics().empty() && is_message_at(file_, position_)) &&
-             advance()) {
+      while (!(follows_ && file_.look_again() && beginning_.shows_topics(channels_, file_, position_)) && advance()) {
         if (std::exchange(pending_, nullptr)) break;
       }
     } catch (const Error&) {}
@@ -304,8 +337,11 @@ class McapReader final : public BagReader {
 
   void take_message(std::string_view fields) {
     const McapMessage message = parse_message(fields);
+    beginning_.pass(message.log_ns);
     const auto topic = channels_.topic_of(message.channel);
     if (topic && is_selected(*topic)) in_chunk_.push_back({*topic, message.log_ns, message.data});
+    if (topic && began_ && selected_ && *topic >= selected_->size())
+      beginning_.name_late(channels_.topics()[*topic].name, file_);
   }
 
   void take_chunk(const McapChunk& chunk) {
@@ -358,17 +394,15 @@ class McapReader final : public BagReader {
   FileWindow window_;
   const bool follows_;
   McapChannels channels_;
-  bool has_counts_ = false, began_ = false, ended_ = false, has_unchecked_chunks_ = false;
+  bool has_counts_ = false, began_ = false, ended_ = false, by_index_ = false, has_unchecked_chunks_ = false;
   std::optional<std::vector<bool>> selected_;
-  bool by_index_ = false;
   std::vector<McapChunkIndex> chunks_;
-  std::size_t next_chunk_ = 0;
-  std::uint64_t position_ = 0, place_ = 0, delivered_ = 0;
-  std::uint64_t data_end_ = 0;  // 0: not known
+  std::size_t next_chunk_ = 0, next_in_chunk_ = 0;
+  std::uint64_t position_ = 0, place_ = 0, delivered_ = 0, data_end_ = 0;  // data_end_ of 0: not known
   std::uint32_t data_crc_ = 0, crc_so_far_ = 0;
   UnpackedChunk unpacked_;
   std::vector<MessageInChunk> in_chunk_;  // of the chunk, or the one message
-  std::size_t next_in_chunk_ = 0;
+  BeginningOfRecording beginning_;
   std::exception_ptr pending_;  // damage after what is in in_chunk_
 };
 

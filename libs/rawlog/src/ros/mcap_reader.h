@@ -20,8 +20,9 @@ bool is_mcap(std::string_view start_of_file);
 // sorted. Checksums are checked where the file has them. Attachments, metadata and messages that are not ROS's are
 // passed over. A file that its recorder did not finish is read as far as it goes.
 // `most_bytes`: a record or unpacked chunk of more bytes is treated as damage.
-// `follows`: while a GrowingLog writes the file, its end is waited for; topics are those of its beginning.
-// Throws Error: kMissing, kBadInput (no MCAP, empty), kUnsupported (another version; no ROS messages at all).
+// `follows`: while a GrowingLog writes the file, its end is waited for; topics are those of its beginning: of a
+// RosRecorder's all, of others those of the first two seconds. Those that come later are named, and left out. Throws
+// Error: kMissing, kBadInput (no MCAP, empty), kUnsupported (another version; no ROS messages at all).
 std::unique_ptr<BagReader> open_mcap(const std::filesystem::path& path, std::uint64_t most_bytes = kMostRecordBytes,
                                      bool follows = false);
 

@@ -14,6 +14,9 @@
 
 namespace mapweave::rawlog::ros {
 
+// The library that the header of a RosRecorder's recording names.
+constexpr std::string_view kRecorderLibrary = "mapweave RosRecorder";
+
 using mcap::Opcode;
 constexpr std::size_t kRecordHeadBytes = 9;
 

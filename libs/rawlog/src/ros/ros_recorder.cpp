@@ -16,7 +16,6 @@ using mcap::append_record;
 using mcap::append_text;
 using mcap::Opcode;
 
-constexpr const char* kLibrary = "mapweave RosRecorder";
 constexpr std::size_t kMostHeadBytes = std::size_t{1} << 20;        // of all that stands before the first message
 constexpr std::size_t kStampAt = 4, kStampBytes = 8;                // in a message that begins with a header
 constexpr std::size_t kMessageStart = 22 + kStampAt + kStampBytes;  // fields of a record up to the message's stamp
@@ -25,7 +24,7 @@ constexpr std::size_t kMessageStart = 22 + kStampAt + kStampBytes;  // fields of
 std::string beginning_of(const std::vector<RecordedTopic>& topics) {
   std::string bytes(mcap::kMagic), header;
   append_text(header, "ros1");
-  append_text(header, kLibrary);
+  append_text(header, ros::kRecorderLibrary);
   append_record(bytes, Opcode::kHeader, header);
   for (std::uint16_t i = 0; i < topics.size(); ++i) {
     std::string schema, channel;
@@ -96,7 +95,8 @@ class WholeRecords {
     if (head.opcode == Opcode::kMessage) return take_stamp(head, at);
     if (head.bytes > kMostHeadBytes) refuse("has a record that is too long");
     const std::string fields = read(at, static_cast<std::size_t>(head.bytes));
-    if (is_first != (head.opcode == Opcode::kHeader) || (is_first && fields.find(kLibrary) == std::string::npos))
+    if (is_first != (head.opcode == Opcode::kHeader) ||
+        (is_first && fields.find(ros::kRecorderLibrary) == std::string::npos))
       refuse("was written by another program");
     if (head.opcode == Opcode::kSchema) channels_.add_schema(fields);
     if (head.opcode == Opcode::kChannel) channels_.add_channel(fields);

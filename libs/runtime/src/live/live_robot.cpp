@@ -211,6 +211,7 @@ std::optional<Error> LiveRobot::State::play_records(tiers::RobotAgent& agent, Un
     }
     units.finish();
   } catch (const Error& error) {
+    log(LogLevel::warning, "robot " + robot.id.str() + ": its log is read no further: " + error.what());
     return error;
   } catch (const Interrupted&) {  // the recording ends there
     const std::lock_guard lock(mutex);
