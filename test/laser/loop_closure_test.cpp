@@ -121,7 +121,8 @@ TEST(LoopClosure, closes_a_loop_by_what_it_saw_from_the_other_side) {
 
 TEST(LoopClosure, takes_no_aisle_of_a_warehouse_for_another) {
   simulation::SimulatedLaserOptions laser;
-  const auto few = simulation::make_warehouse_plan({4, 40.0}, 1), many = simulation::make_warehouse_plan({8, 40.0}, 1);
+  const auto few = simulation::make_warehouse_plan({4, 40.0, 2.4, 1.2, 3.0, 0}, 1),
+             many = simulation::make_warehouse_plan({8, 40.0, 2.4, 1.2, 3.0, 0}, 1);
   for (const auto& [warehouse, range_m] : {std::pair(few, 40.0), std::pair(many, 20.0)}) {
     laser.max_range_m = range_m;
     const auto robot = driven(warehouse, serpentine(warehouse), laser, 1);
@@ -132,7 +133,7 @@ TEST(LoopClosure, takes_no_aisle_of_a_warehouse_for_another) {
 
 TEST(LoopClosure, closes_the_loop_of_a_robot_that_comes_home_in_a_warehouse) {
   simulation::SimulatedLaserOptions laser;
-  const auto warehouse = simulation::make_warehouse_plan({4, 20.0}, 1);
+  const auto warehouse = simulation::make_warehouse_plan({4, 20.0, 2.4, 1.2, 3.0, 0}, 1);
   auto corners = serpentine(warehouse);
   corners.push_back(corners.front());
   corners.push_back(corners[1]);

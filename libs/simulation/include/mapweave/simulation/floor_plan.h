@@ -158,7 +158,7 @@ struct WarehouseOptions {
   double aisle_m = 2.4;
   double rack_m = 1.2;
   double crossing_m = 3.0;
-  int pallets = 0;
+  int pallets = 10;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("aisles", aisles, 1, 100, "aisles beside each other, all alike");
