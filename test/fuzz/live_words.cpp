@@ -2,13 +2,13 @@
 
 #include "fuzz_target.h"
 
-#include <kept_requests.h>
 #include <live/cluster_task.h>
 #include <live/program_word.h>
 #include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/live_plan.h>
 #include <mapweave/runtime/live_requests.h>
 #include <runtime/robot_records.h>
+#include <team/kept_requests.h>
 
 namespace mapweave::fuzz {
 namespace {
