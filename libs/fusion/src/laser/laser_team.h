@@ -20,10 +20,9 @@ namespace mapweave::fusion {
 constexpr const char* kGridProposer = "walls and free space";
 // Log odds that two groups of maps lie as compared; no surer than this either way.
 constexpr double kSurestLogOdds = 20.0;
-constexpr double kCertain = 15.0;       // from which a merge waits for no other
-constexpr std::size_t kFirstRound = 4;  // questions of a pair of maps, then four times as many
-constexpr double kOneHypothesis_m = 0.5, kOneHypothesis_rad = 0.1;  // nearer to each other: the same
-constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;          // how a submap may lie to what its region says
+constexpr double kCertain = 15.0;                           // from which a merge waits for no other
+constexpr std::size_t kFirstRound = 4;                      // questions of a pair of maps, then four times as many
+constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says
 PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
 // What the log odds of a merge are the sum of: what fits nowhere around, less what is seen through and what is unclear
 // (each by its weight, wall_weights.h), less what would fit by chance. Metres.

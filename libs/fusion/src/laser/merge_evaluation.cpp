@@ -7,6 +7,9 @@
 #include "self_repetition.h"
 #include "sorted_numbers.h"
 
+#include <mapweave/maps/map_noise.h>
+
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -263,13 +266,25 @@ bool LaserMerger::stands_twice(const MergeHypothesis& hypothesis, const LaserTea
   return false;
 }
 
-// Whether two hypotheses came to the same: a submap of the one lies where the other has it.
+// Whether two hypotheses came to the same: each has the places that the other one matched where that one has them, as
+// surely as both graphs know.
 bool LaserMerger::is_same(const MergeHypothesis& one, const MergeHypothesis& other) const {
   if (one.matches.empty() || other.matches.empty()) return false;
-  const SubmapMatch& match = one.matches.front();
-  const Pose2 apart = between(between(one.solved.pose_of(match.from), one.solved.pose_of(match.to)),
-                              between(other.solved.pose_of(match.from), other.solved.pose_of(match.to)));
-  return std::hypot(apart.x, apart.y) < kOneHypothesis_m && std::abs(apart.phi) < kOneHypothesis_rad;
+  graph::RelativeCovariance covariance[2] = {one.solved.covariance(), other.solved.covariance()};
+  const SolvedSubmaps* solved[2] = {&one.solved, &other.solved};
+  const auto agree_at = [&](const SubmapMatch& match) {
+    Pose2 from_from_to[2];
+    Eigen::Matrix3d both = submap_bend_covariance();
+    for (int k = 0; k < 2; ++k) {
+      from_from_to[k] = between(solved[k]->pose_of(match.from), solved[k]->pose_of(match.to));
+      both += covariance[k].between(static_cast<std::uint32_t>(solved[k]->place_of(match.from)),
+                                    static_cast<std::uint32_t>(solved[k]->place_of(match.to)));
+    }
+    const Pose2 apart = between(from_from_to[0], from_from_to[1]);
+    const Eigen::Vector3d error(apart.x, apart.y, apart.phi);
+    return error.dot(both.ldlt().solve(error)) < kConsistent;
+  };
+  return agree_at(one.matches.front()) && agree_at(other.matches.front());
 }
 
 }  // namespace mapweave::fusion

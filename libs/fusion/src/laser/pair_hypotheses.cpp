@@ -10,6 +10,8 @@
 namespace mapweave::fusion {
 namespace {
 
+constexpr double kAlike_m = 0.5, kAlike_rad = 0.1;
+
 Pose2 map_frame(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved) {
   return compose(solved.pose_of(graph.number(number, 0)), inverse(map.map_from_submap.front()));
 }
@@ -30,9 +32,10 @@ Pose2 in_map(const PreparedMap& map, const SubmapGraph& graph, std::size_t numbe
   return result;
 }
 
+// What a reader would not tell apart.
 bool lie_together(const Sim3& one, const Sim3& other) {
   const Pose2 apart = between(planar(one.pose), planar(other.pose));
-  return std::hypot(apart.x, apart.y) < kOneHypothesis_m && std::abs(apart.phi) < kOneHypothesis_rad;
+  return std::hypot(apart.x, apart.y) < kAlike_m && std::abs(apart.phi) < kAlike_rad;
 }
 
 }  // namespace
