@@ -176,7 +176,9 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   }
   extension.has_sent_log();
   publisher.publish(true);
-  lines.show_end(robot.counts());
+  const runtime::LiveRobotCounts counts = robot.counts();
+  lines.show_end(counts);
+  if (counts.trouble) throw Error(*counts.trouble);
   return ExitCode::done;
 }
 

@@ -209,6 +209,25 @@ class Serve(WithBroker):
         self.assertEqual(refused.returncode, support.CANNOT_WRITE)
         self.assertIn(b"is there already", refused.stderr)
 
+    def test_a_robot_whose_log_is_cut_sends_what_was_read_and_fails(self):
+        self.simulate()
+        log = self.folder / "logs/alpha.rawlog"
+        log.write_bytes(log.read_bytes()[:log.stat().st_size * 2 // 3])
+        self.mapweave("run", "logs/run.yaml", "--out", "run", "--keep-going", code=support.BAD_INPUT)
+        talk = ["--set", f"live.broker={self.start_broker()}", "--set", "live.speed=0"]
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk)
+        edges = [self.start("serve", "edge", "logs/run.yaml", "--name", name, *talk) for name in ("north", "south")]
+        robots = {name: self.start("serve", "robot", "logs/run.yaml", "--name", name, *talk) for name in ("alpha", "beta", "gamma")}
+        alpha = robots.pop("alpha")
+        error = alpha.communicate(timeout=120 * support.PATIENCE)[1]
+        self.assertIn("its edge has all", error)
+        self.assertRegex(error, r"alpha\.rawlog.*\d")
+        self.assertEqual(alpha.returncode, support.BAD_INPUT, error)
+        for process in (*robots.values(), *edges):
+            self.end(process)
+        self.assertEqual(cloud.wait(120 * support.PATIENCE), support.BAD_INPUT, "as the run")
+        self.assert_same_map("live", "run")
+
     def map_on_board(self, sensor):
         self.mapweave("simulate", self.write("world.yaml", CAMERA_WORLD), "--out", "logs")
         with_sensor = ["--set", f"sensor={sensor}"]

@@ -250,6 +250,7 @@ void LiveRobot::State::play() {
   {
     const std::lock_guard lock(mutex);
     if (gives_up || begins_again) return;
+    counts.trouble = trouble;
     is_asked_to_end = ends;
   }
   begin({});  // where nothing came
@@ -300,6 +301,7 @@ bool LiveRobot::State::map_on_board() {
   }
   mapped = mapping.finish(is_asked_to_end, sharing ? sharing->notes() : std::vector<std::string>{});
   const std::lock_guard lock(mutex);
+  counts.trouble = mapping.trouble();
   begins_again = false;  // it has said nothing yet
   return true;
 }

@@ -269,6 +269,9 @@ Json tier_status(const RobotId& robot, const TierId& its_edge, const LiveRobotCo
   if (!counts.refusal.empty())
     find(status, "error", "edge " + its_edge.str() + " refuses: " + counts.refusal,
          "the message says what is wrong; the robot asks again and again");
+  if (counts.trouble)
+    find(status, "error", std::string("its log was not read to its end: ") + counts.trouble->what(),
+         "its edge maps what was read; mend the log, and run the deployment again");
   if (counts.sharing) add_sharing(status, *counts.sharing, its_edge.str(), !counts.is_read);
   find_missing(status, terms);
   if (counts.lost_scans > 0)

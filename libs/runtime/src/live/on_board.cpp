@@ -89,6 +89,7 @@ std::vector<Sensed> OnBoardMapping::finish(bool was_asked_to_end, std::vector<st
   if (record.sensor.empty()) record.sensor = "laser";
   record.robot = robot_.id;
   if (robot_.trouble) record.trouble = robot_.trouble;
+  trouble_ = record.trouble ? record.trouble : record.camera_trouble;
   record.wall_s = watch_.seconds();
   record.notes.insert(record.notes.end(), std::make_move_iterator(notes.begin()), std::make_move_iterator(notes.end()));
   if (was_asked_to_end) record.notes.push_back("robot " + robot_.id.str() + ": its recording was ended on request");

@@ -34,6 +34,7 @@ class OnBoardMapping {
   // Its maps and its report as messages, in order, from number 1 on; then the end. Once.
   // notes: what else is to be said of its mapping.
   std::vector<Sensed> finish(bool was_asked_to_end, std::vector<std::string> notes = {});
+  const std::optional<Error>& trouble() const { return trouble_; }  // with its log; after finish()
 
  private:
   void add_laser(RobotRecord& record, std::vector<Map>& maps);
@@ -42,6 +43,7 @@ class OnBoardMapping {
   PlannedRobot robot_;
   std::unique_ptr<Progress> silent_;
   Stopwatch watch_;
+  std::optional<Error> trouble_;
   std::optional<LaserTask> laser_;
   std::optional<CameraTask> cameras_;
 };

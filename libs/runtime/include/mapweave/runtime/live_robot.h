@@ -3,6 +3,7 @@
 // becomes of the wire meanwhile. A robot that maps on board (with cameras, also beside a laser; a laser in mode
 // onboard) sends its maps at its end.
 
+#include <mapweave/core/error.h>
 #include <mapweave/runtime/live_options.h>
 #include <mapweave/runtime/live_plan.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -36,6 +37,7 @@ struct LiveRobotCounts {
   bool is_edge_on_wire = false;
   double silent_s = 0.0;              // since the edge said something
   std::string refusal;                // the edge's last one
+  std::optional<Error> trouble;       // why its log was not read, or not to its end; known once it is read
   TierId edge;                        // its own now; empty: the coordinator has not said which, or none has room
   std::uint64_t moves = 0;            // how often it was given to another one
   std::optional<double> bytes_per_s;  // what the way to its edge carries, as it was measured last
