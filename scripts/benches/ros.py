@@ -26,9 +26,8 @@ DRIVE = pathlib.Path(__file__).resolve().parents[1] / "evaluation" / "ros_drive.
 PYTHON = "/usr/bin/python3"
 LIMIT_S = 1.0
 LEAST_TIMED = 0.25  # of all scans; the others were sensed where a robot stood still
-# Log, robots, seconds between previews, seconds within which messages are sorted (twenty robots of one player come out of order by more than 0.1 s where it is busy), whether the
-# latency is held against the limit: with the default window of 0.5 s it is above it.
-ROWS = (("intel", 3, 0.5, 0.1, True), ("intel", 3, 0.5, 0.5, False), ("fr079", 2, 0.5, 0.1, True), ("fr079", 20, 2.0, 0.5, False))
+# Log, robots, seconds between previews, whether the latency is held against the limit.
+ROWS = (("intel", 3, 0.5, True), ("fr079", 2, 0.5, True), ("fr079", 20, 2.0, False))
 
 
 def add_arguments(parser):
@@ -113,7 +112,7 @@ class RosMaster:
         self.process.wait()
 
 
-def measured(name, robots, period_s, window_s, arguments):
+def measured(name, robots, period_s, arguments):
     folder = common.OUT / "ros" / f"{name}-{robots}"
     folder.mkdir(parents=True, exist_ok=True)
     subprocess.run(["rm", "-rf", *(str(folder / one) for one in ("maps", "maps.logs", "maps.store", "batch"))], check=True)
@@ -122,8 +121,7 @@ def measured(name, robots, period_s, window_s, arguments):
     published = {f"tb{robot}": sum(topic == f"/tb{robot}/scan" for topic, *_ in messages) for robot in range(robots)}
     with RosMaster(folder) as master, (folder / "node.log").open("w") as log:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        node = subprocess.Popen([NODES, "team", *published, "--out", "maps", "--port", "-1", "--json", "--set", f"live.preview_period_s={period_s}",
-                                 "--set", f"reading.reorder_window_s={window_s}"], cwd=folder, env=master.environment, stdout=subprocess.PIPE, stderr=log, text=True)
+        node = subprocess.Popen([NODES, "team", *published, "--out", "maps", "--port", "-1", "--json", "--set", f"live.preview_period_s={period_s}"], cwd=folder, env=master.environment, stdout=subprocess.PIPE, stderr=log, text=True)
         drive = subprocess.run([PYTHON, "-B", DRIVE, folder / "messages", str(arguments.speed)], env=master.environment, stdout=subprocess.PIPE, text=True, check=False)
         node.send_signal(signal.SIGINT)
         output = node.communicate()[0]
@@ -137,7 +135,7 @@ def measured(name, robots, period_s, window_s, arguments):
     return {"name": f"{name} as {robots} robots", "scans": sum(published.values()), "missing": sum(published.values()) - sum(scans.values()),
             "same": all((folder / "maps" / path).exists() and (folder / "maps" / path).read_bytes() == (folder / "batch" / path).read_bytes() for path in results),
             "maps": summary["team"]["components"],
-            "timed": seen["scans"], "median_s": seen["median_s"], "p95_s": seen["p95_s"], "longest_s": seen["longest_s"], "period_s": period_s, "window_s": window_s,
+            "timed": seen["scans"], "median_s": seen["median_s"], "p95_s": seen["p95_s"], "longest_s": seen["longest_s"], "period_s": period_s,
             "seconds": arguments.seconds / arguments.speed,
             "cores": (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) / (arguments.seconds / arguments.speed)}
 
@@ -162,16 +160,15 @@ def run(arguments):
     common.need(common.DATA / "laser/intel/intel.clf.gz", "set MAPWEAVE_DATA")
     wanted = [row for row in ROWS if not arguments.rows or f"{row[0]}:{row[1]}" in arguments.rows.split(",")]
     rows, found = [], []
-    for name, robots, period_s, window_s, is_limited in wanted:
-        rows.append(measured(name, robots, period_s, window_s, arguments))
+    for name, robots, period_s, is_limited in wanted:
+        rows.append(measured(name, robots, period_s, arguments))
         found += problems(rows[-1], is_limited)
         print(json.dumps(rows[-1]), file=sys.stderr)
-    cells = [(row["name"], row["scans"], row["missing"], "yes" if row["same"] else "no", row["timed"], f"{row['period_s']:g} s", f"{row['window_s']:g} s", f"{row['median_s']:.2f} s", f"{row['p95_s']:.2f} s", f"{row['longest_s']:.2f} s",
+    cells = [(row["name"], row["scans"], row["missing"], "yes" if row["same"] else "no", row["timed"], f"{row['period_s']:g} s", f"{row['median_s']:.2f} s", f"{row['p95_s']:.2f} s", f"{row['longest_s']:.2f} s",
               f"{row['cores']:.2f}") for row in rows]
-    result = common.table(("robots", "scans published", "missing in the map", "bytes of the recording's map", "scans timed", "previews every", "messages sorted within", "scan to the robot's map, median", "p95", "longest", "processors, with the player"), cells)
+    result = common.table(("robots", "scans published", "missing in the map", "bytes of the recording's map", "scans timed", "previews every", "scan to the robot's map, median", "p95", "longest", "processors, with the player"), cells)
     result += (f"\n\nMeasured by `scripts/bench ros` on {common.machine()}, at {arguments.speed:g} times sensor speed for {arguments.seconds:g} s, all programs on one machine: from publishing a scan to receiving "
-               "the robot's grid that has it. Timed are scans that are in its path; the others were sensed where it stood still. Messages are sorted within `reading.reorder_window_s` (0.5 s unless set). "
-               "With this default a scan waits for newer ones, so that the p95 is not held against the limit of 1 s: that is done where messages are sorted within 0.1 s.")
+               "the robot's grid that has it. Timed are scans that are in its path; the others were sensed where it stood still. With previews every 0.5 s the p95 is held against a limit of 1 s.")
     common.write_json("ros", {"machine": common.machine(), "commit": common.commit(), "rows": rows})
     print(result)
     if found:

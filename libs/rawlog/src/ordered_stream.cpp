@@ -1,6 +1,7 @@
 #include "ordered_stream.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CObservationOdometry.h>
 
@@ -8,6 +9,7 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <map>
 #include <tuple>
 
 namespace mapweave::rawlog {
@@ -33,16 +35,43 @@ std::string seconds_text(Stamp stamp) {
   return text;
 }
 
+// How far each topic of a recording that still grows has come. Nothing can come before what all of them have passed.
+class TopicTimes {
+ public:
+  void add(const std::string& topic, Stamp stamp) {
+    if (newest_.empty()) first_ = stamp;
+    const auto [known, is_new] = newest_.emplace(topic, stamp);
+    is_steady_ = is_steady_ && !(stamp < known->second);
+    known->second = std::max(known->second, stamp);
+  }
+  // From now on a record waits for the whole window.
+  void doubt() { is_steady_ = false; }
+  bool have_passed(const std::string& topic, Stamp stamp) const {
+    return is_steady_ && seconds_between(first_, stamp) > kUntilAllHaveBegun_s &&
+           std::all_of(newest_.begin(), newest_.end(),
+                       [&](const auto& entry) { return entry.first == topic || stamp < entry.second; });
+  }
+
+ private:
+  static constexpr double kUntilAllHaveBegun_s = 5.0;
+
+  std::map<std::string, Stamp> newest_;
+  Stamp first_;
+  bool is_steady_ = true;  // no topic has gone backwards
+};
+
 class OrderedStream final : public ObservationStream {
  public:
   OrderedStream(std::unique_ptr<RecordSource> source, const ReadOptions& options)
       : source_(std::move(source)),
         window_s_(source_->is_in_order() ? 0.0 : options.reorder_window_s),
-        window_ns_(std::llround(std::min(window_s_, 1e9) * 1e9)) {}
+        window_ns_(std::llround(std::min(window_s_, 1e9) * 1e9)),
+        follows_(options.follow) {}
 
   std::optional<Record> next() override {
-    while (!ended_ && (heap_.empty() || newest_.ns - heap_.front().record.stamp.ns <= window_ns_)) read_more();
+    while (!ended_ && (heap_.empty() || !may_leave(heap_.front().record))) read_more();
     if (!heap_.empty()) {
+      left_ = std::max(left_.value_or(heap_.front().record.stamp), heap_.front().record.stamp);
       std::pop_heap(heap_.begin(), heap_.end(), leaves_later);
       Record record = std::move(heap_.back().record);
       heap_.pop_back();
@@ -55,6 +84,26 @@ class OrderedStream final : public ObservationStream {
   std::uint64_t bytes_total() const override { return source_->bytes_total(); }
 
  private:
+  bool may_leave(const Record& record) const {
+    return newest_.ns - record.stamp.ns > window_ns_ ||
+           (follows_ && topics_.have_passed(record.observation->sensorLabel, record.stamp));
+  }
+
+  // A topic that began after what the others had passed has left, or went backwards.
+  bool is_left_out(const Record& record) {
+    if (!follows_) return false;
+    topics_.add(record.observation->sensorLabel, record.stamp);
+    if (!left_ || !(record.stamp < *left_)) return false;
+    topics_.doubt();
+    if (left_out_++ == 0)
+      log(LogLevel::warning, source_->path() + ": a record of '" + record.observation->sensorLabel + "' came " +
+                                 std::to_string(seconds_between(record.stamp, *left_)) +
+                                 " s after newer ones of all other topics had been read; it is left out, as others "
+                                 "that come so late, and from now "
+                                 "on records wait for reading.reorder_window_s");
+    return true;
+  }
+
   void read_more() {
     fresh_.clear();
     try {
@@ -105,6 +154,7 @@ class OrderedStream final : public ObservationStream {
           where(),
           "repair the clock of the recording, map what precedes it with --keep-going, or widen reorder_window_s");
     }
+    if (is_left_out(placed.record)) return;
     newest_.ns = count_ > 1 ? std::max(newest_.ns, placed.record.stamp.ns) : placed.record.stamp.ns;
     heap_.push_back({std::move(placed.record), rank, count_});
     std::push_heap(heap_.begin(), heap_.end(), leaves_later);
@@ -143,6 +193,10 @@ class OrderedStream final : public ObservationStream {
   std::vector<Waiting> heap_;
   std::vector<PlacedRecord> fresh_;
   Stamp newest_;
+  std::optional<Stamp> left_;  // the newest one that has been given
+  bool follows_;
+  TopicTimes topics_;
+  std::uint64_t left_out_ = 0;
   std::uint64_t count_ = 0;
   bool ended_ = false;
   std::exception_ptr failure_;

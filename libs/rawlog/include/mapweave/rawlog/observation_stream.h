@@ -57,7 +57,8 @@ struct ReadOptions {
   void describe(Visitor& v) {
     v.non_negative("reorder_window_s", reorder_window_s,
                    "records of a log that are out of order by up to this time in seconds are sorted; larger values "
-                   "accept worse logs and need more memory; records that are later than that are an error");
+                   "accept worse logs and need more memory; records that are later than that are an error; of a "
+                   "recording that still grows a record waits at most so long for older ones");
     v.positive("max_object_mb", max_object_mb,
                "an object in a rawlog of more than this size in megabytes is treated as damage, so that a broken "
                "length cannot exhaust memory; larger values accept larger objects");
