@@ -291,8 +291,9 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
     if (!known) distinct.push_back(hypothesis);
   }
   Evidence& best = distinct.front().evidence;
-  if (distinct.size() > 1 && best.inliers > 0)
-    best.second_best_ratio = std::clamp(distinct[1].value / distinct[0].value, 0.0, 1.0);
+  if (distinct.size() > 1 && best.inliers > 0)  // of what is worth nothing a rival is worth as much
+    best.second_best_ratio =
+        distinct[0].value > 0.0 ? std::clamp(distinct[1].value / distinct[0].value, 0.0, 1.0) : 1.0;
   if (options.second_verifier) {
     if (const auto verification = verify(*a.model, *b.model, distinct.front().match.field_from_scan)) {
       best.verifier_inliers = verification->inliers;
