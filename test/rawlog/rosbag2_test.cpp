@@ -70,6 +70,15 @@ TEST_F(Rosbag2, every_kind_of_folder_holds_the_same) {
   EXPECT_FALSE(is_rosbag2_folder(own_data("evo")));
 }
 
+TEST_F(Rosbag2, a_part_that_was_packed_is_read_alone) {
+  const auto path = own_data("ros2/file_zstd/file_zstd.db3.zstd");
+  EXPECT_TRUE(is_zstd(bytes_of(path)));
+  const auto reading = read_bag([&] { return open_zstd_part(path, kMostRecordBytes); });
+  EXPECT_EQ(reading.error, nullptr) << reading.error->what();
+  EXPECT_THAT(reading.lines, ElementsAreArray(recorded_lines()));
+  EXPECT_EQ(read_all(path).records.size(), 6U) << "as a log";
+}
+
 TEST_F(Rosbag2, a_file_of_it_is_read_alone) {
   for (const char* name : {"plain/plain.db3", "message_zstd/message_zstd.db3"}) {
     const auto path = own_data(std::string("ros2/") + name);
@@ -218,8 +227,8 @@ TEST_F(Rosbag2, what_a_killed_recorder_left_in_its_log_is_read) {
   EXPECT_EQ(reading.lines.size(), 6U);
 }
 
-// A recording of texts in the topic /note, which do not fit into a page and cannot be packed well.
-std::vector<std::string> make_long_recording(const fs::path& path) {
+// A recording of texts in the topic /note, which cannot be packed well. By default two do not fit into a page.
+std::vector<std::string> make_long_recording(const fs::path& path, int messages = 300, std::size_t length_each = 1600) {
   fs::copy(own_data("ros2/plain/plain.db3"), path);
   sqlite3* database = nullptr;
   EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
@@ -232,9 +241,9 @@ std::vector<std::string> make_long_recording(const fs::path& path) {
   EXPECT_EQ(sqlite3_prepare_v2(database, sql, -1, &row, nullptr), SQLITE_OK);
   std::mt19937_64 random(5);
   std::vector<std::string> lines;
-  for (int number = 0; number < 300; ++number) {
+  for (int number = 0; number < messages; ++number) {
     std::string text;
-    while (text.size() < 1600) text += std::to_string(random());
+    while (text.size() < length_each) text += std::to_string(random());
     const auto length = static_cast<std::uint32_t>(text.size() + 1);
     std::string data("\0\1\0\0", 4);
     data.append(reinterpret_cast<const char*>(&length), sizeof length).append(text).append(1, '\0');
@@ -272,6 +281,36 @@ TEST_F(Rosbag2, what_precedes_a_cut_is_read_and_the_cut_is_named) {
     EXPECT_THAT(reading.error->where(), HasSubstr("after " + (folder_ / "cut.db3").string() + " at message " +
                                                   std::to_string(reading.messages.back().place)));
     EXPECT_THAT(reading.error->remedy(), HasSubstr("--keep-going"));
+  }
+}
+
+// The pages that lead to the messages lie behind most of them.
+TEST_F(Rosbag2, what_precedes_an_early_cut_is_read_of_small_and_large_messages) {
+  for (const auto& [messages, length] : {std::pair(60'000, std::size_t{40}), {300, 20'000}}) {
+    const fs::path path = folder_ / (std::to_string(length) + ".db3");
+    const auto lines = make_long_recording(path, messages, length);
+    const std::string bytes = bytes_of(path);
+    for (const double share : {0.11, 0.3, 0.62, 0.97}) {
+      const auto kept = static_cast<std::size_t>(share * static_cast<double>(bytes.size()));
+      const auto reading = read_db3(write_bytes(folder_ / "cut.db3", bytes.substr(0, kept)));
+      ASSERT_NO_FATAL_FAILURE(expect_beginning(reading, lines, share)) << length << " " << share;
+      ASSERT_THAT(reading.error, IsError(ErrorCode::kCorrupt, "the recording is cut short"));
+    }
+  }
+}
+
+// Pages of a cut file are read without what SQLite checks.
+TEST_F(Rosbag2, damage_before_a_cut_ends_with_the_cut) {
+  make_long_recording(folder_ / "long.db3", 20'000, 40);
+  const std::string whole = bytes_of(folder_ / "long.db3");
+  const std::string bytes = whole.substr(0, whole.size() / 8);
+  std::mt19937_64 random(11);
+  for (int round = 0; round < 300; ++round) {
+    std::string damaged = bytes;
+    for (int k = 0; k < 40; ++k) damaged[8192 + random() % (damaged.size() - 8192)] = static_cast<char>(random());
+    const auto reading = read_db3(write_bytes(folder_ / "cut.db3", damaged));
+    ASSERT_THAT(reading.error, IsError(ErrorCode::kCorrupt, "the recording is cut short"));
+    ASSERT_FALSE(reading.messages.empty());
   }
 }
 

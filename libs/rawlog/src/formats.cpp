@@ -38,6 +38,7 @@ const std::vector<Format>& formats() {
       {"ROS 1 bag", {".bag"}, ros::is_ros1_bag, ros::open_bag_log},
       {"MCAP recording", {".mcap"}, ros::is_mcap, ros::open_bag_log},
       {"rosbag2 recording", {".db3"}, ros::is_db3, ros::open_bag_log},
+      {"zstd part of a rosbag2 recording", {".zstd"}, ros::is_zstd, ros::open_bag_log},
   };
   return all;
 }

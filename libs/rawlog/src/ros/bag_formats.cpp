@@ -59,10 +59,11 @@ std::unique_ptr<BagReader> open_bag(const std::filesystem::path& path, const Rea
     start = bytes.ahead(kStartBytes);
     is_packed = bytes.packed();
   }
-  if (options.follow && (is_ros1_bag(start) || is_db3(start)) && LogWriterWatch(path).has_writer())
+  if (options.follow && (is_ros1_bag(start) || is_db3(start) || is_zstd(start)) && LogWriterWatch(path).has_writer())
     throw Error(ErrorCode::kUnsupported, "is a bag of a format that is not read while it is written", path.string(),
                 "record as MCAP, or map the bag when it is finished");
   if (is_ros1_bag(start)) return open_ros1_bag(path, most);
+  if (is_zstd(start)) return open_zstd_part(path, most);
   if (!is_mcap(start) && !is_db3(start)) return nullptr;
   if (is_packed)
     throw Error(ErrorCode::kUnsupported, "is a recording of ROS 2 packed with gzip", path.string(),

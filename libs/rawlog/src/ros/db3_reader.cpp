@@ -1,6 +1,7 @@
 #include "db3_reader.h"
 
 #include "mcap_records.h"
+#include "message_leaves.h"
 #include "message_reader.h"
 #include "zstd_file.h"
 
@@ -52,7 +53,8 @@ Database::Use use_of(const fs::path& path) {
 class Db3Reader final : public BagReader {
  public:
   Db3Reader(const fs::path& path, const fs::path& shown, std::uint64_t most_bytes)
-      : database_(looked_at(path, shown), use_of(path), shown, kKind),
+      : path_(path),
+        database_(looked_at(path, shown), use_of(path), shown, kKind),
         most_bytes_(most_bytes),
         size_(sqlite_file_bytes(path)),
         is_cut_(is_cut(path)) {
@@ -73,15 +75,19 @@ class Db3Reader final : public BagReader {
 
   bool next(BagMessage& message) override {
     if (ended_) return false;
+    if (leaves_) return next_of_leaves(message);
     try {
       if (!rows_) rows_.emplace(database_, query().c_str());
       while (rows_->step())
         if (take(message)) return true;
     } catch (const Error& error) {
-      ended_ = true;
-      const std::string where = row_ == 0 ? database_.shown().string() : place_name(static_cast<std::uint64_t>(row_));
-      if (is_cut_) throw cut_short(row_ == 0 ? where : "after " + where);
-      throw Error(error.code(), error.problem(), where, error.remedy());
+      if (!is_cut_) {
+        ended_ = true;
+        throw Error(error.code(), error.problem(), place(), error.remedy());
+      }
+      rows_.reset();
+      leaves_.emplace(path_, most_bytes_);
+      return next_of_leaves(message);
     }
     ended_ = true;
     if (is_cut_)
@@ -117,6 +123,23 @@ class Db3Reader final : public BagReader {
                      "SELECT count(*) FROM sqlite_schema WHERE type = 'index' AND tbl_name = 'messages' "
                      "AND sql LIKE '%timestamp%'") > 0;
     last_row_ = database_.number("SELECT coalesce(max(id), 0) FROM messages");
+  }
+
+  std::string place() const {
+    return row_ == 0 ? database_.shown().string() : place_name(static_cast<std::uint64_t>(row_));
+  }
+
+  // Where the pages that lead to messages are missing. It ends with the cut.
+  bool next_of_leaves(BagMessage& message) {
+    try {
+      for (MessageRow row; leaves_->next(row_, row);) {
+        row_ = row.id;
+        if (take(row.topic, row.received_ns, row.data, message)) return true;
+      }
+    } catch (const Error&) {  // it is damaged as well: what precedes that has been read
+    }
+    ended_ = true;
+    throw cut_short(row_ == 0 ? place() : "after " + place());
   }
 
   Error cut_short(const std::string& where) const {
@@ -165,21 +188,25 @@ class Db3Reader final : public BagReader {
 
   bool take(BagMessage& message) {
     row_ = rows_->integer(0);
-    const auto topic = topic_of_.find(rows_->integer(1));
+    return take(rows_->integer(1), rows_->integer(2), rows_->bytes(3), message);
+  }
+
+  bool take(std::int64_t topic_id, std::int64_t received_ns, std::string_view data, BagMessage& message) {
+    const auto topic = topic_of_.find(topic_id);
     if (topic == topic_of_.end())
-      throw Error(
-          ErrorCode::kCorrupt,
-          "the message is of topic " + std::to_string(rows_->integer(1)) + ", which the table of topics does not hold",
-          {}, kCopyAgain);
+      throw Error(ErrorCode::kCorrupt,
+                  "the message is of topic " + std::to_string(topic_id) + ", which the table of topics does not hold",
+                  {}, kCopyAgain);
     if (!topic->second || !is_selected(*topic->second)) return false;
     message.topic = *topic->second;
-    message.received_ns = rows_->integer(2);
+    message.received_ns = received_ns;
     message.place = static_cast<std::uint64_t>(row_);
-    data_bytes_ += rows_->bytes(3).size();
-    unpack_message(rows_->bytes(3), most_bytes_, message.data);
+    data_bytes_ += data.size();
+    unpack_message(data, most_bytes_, message.data);
     return true;
   }
 
+  fs::path path_;
   Database database_;
   std::uint64_t most_bytes_, data_bytes_ = 0;  // data_bytes_: of the messages so far, as they are in the file
   SqliteFileBytes size_;
@@ -189,7 +216,8 @@ class Db3Reader final : public BagReader {
   std::vector<bool> selected_;  // empty: all
   bool is_sorted_ = false, ended_ = false;
   std::int64_t last_row_ = 0, row_ = 0;
-  std::optional<Statement> rows_;  // ends before database_
+  std::optional<Statement> rows_;        // ends before database_
+  std::optional<MessageLeaves> leaves_;  // once the rows lead behind the cut
 };
 
 }  // namespace

@@ -105,6 +105,16 @@ std::unique_ptr<BagReader> open_db3(const fs::path& path, std::uint64_t most_byt
   return open_db3_as(path, path, most_bytes);
 }
 
+bool is_zstd(std::string_view start_of_file) {
+  constexpr std::string_view kMark{"\x28\xb5\x2f\xfd", 4};
+  return start_of_file.substr(0, kMark.size()) == kMark;
+}
+
+std::unique_ptr<BagReader> open_zstd_part(const fs::path& path, std::uint64_t most_bytes) {
+  return open_bag_parts(
+      {{path}, {}, [most_bytes](const fs::path& part) { return open_part(part, most_bytes); }, place_in});
+}
+
 bool is_rosbag2_folder(const fs::path& folder) { return has_rosbag2_metadata(folder) || !parts_in(folder).empty(); }
 
 std::unique_ptr<BagReader> open_rosbag2_folder(const fs::path& folder, std::uint64_t most_bytes) {

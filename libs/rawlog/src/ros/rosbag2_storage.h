@@ -20,6 +20,11 @@ bool is_db3(std::string_view start_of_file);
 // kUnsupported (no ROS messages).
 std::unique_ptr<BagReader> open_db3(const std::filesystem::path& path, std::uint64_t most_bytes = kMostRecordBytes);
 
+// One part that rosbag2 compressed as a file (.db3.zstd, .mcap.zstd), unpacked to a temporary file. Throws Error as
+// open_rosbag2_folder() does.
+bool is_zstd(std::string_view start_of_file);
+std::unique_ptr<BagReader> open_zstd_part(const std::filesystem::path& path, std::uint64_t most_bytes);
+
 // Whether a folder looks like one of rosbag2's: metadata.yaml of rosbag2, or parts without it.
 bool is_rosbag2_folder(const std::filesystem::path& folder);
 
