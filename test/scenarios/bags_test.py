@@ -40,6 +40,18 @@ class Bags(support.Scenario):
         self.assertEqual(len(upright), len(upside_down))
         self.assertLess(max(abs(a - b) for one, other in zip(upright, upside_down) for a, b in zip(one[1:4], other[1:4])), 0.05)
 
+    def test_scans_bent_by_turns_are_straightened_by_their_time_increment(self):
+        error = dict.fromkeys(("straight", "bent", "as it is"), 0.0)
+        for seed in (1, 2):
+            for name, sweep_s, flags in (("straight", 0.0, ()), ("bent", 0.1, ()), ("as it is", 0.1, ("--set", "laser.scan.sweep=none", "--set", "laser.graph.sweep.estimate=false"))):
+                messages, truth = ros1_bags.turning_drive(sweep_s, seed)
+                out = self.slam(self.written(f"{name}-{seed}.bag", messages), *flags)
+                done = self.mapweave("evaluate", "trajectory", "--estimate", out / "trajectory.tum", "--reference", self.write("truth.tum", truth), "--align", "se2", "--json")
+                error[name] += json.loads(done.stdout)["ate_translation_rmse_m"] / 2
+        self.assertLess(error["straight"], 0.01)
+        self.assertLess(error["bent"], 1.1 * error["straight"], error)
+        self.assertGreater(error["as it is"], 0.1, "the scans are bent")
+
     def test_inspect_lists_topics_and_frames(self):
         shown = json.loads(self.mapweave("inspect", self.written("alpha.bag", ros1_bags.drive()), "--json").stdout)
         topics = {topic["topic"]: topic for topic in shown["topics"]}

@@ -1,5 +1,6 @@
 """Writes small bags of ROS 1 (version 2.0, one chunk without compression), in the standard library alone."""
 import math
+import random
 import struct
 
 import support
@@ -118,6 +119,37 @@ def drive(scans=30, robot="", shift=0.0, upside_down=False, time_increment=0.0):
         ranges = support.room_ranges(x + 0.2 * math.cos(heading), y + 0.2 * math.sin(heading), heading)
         messages.append(scan(stamp, ranges[::-1] if upside_down else ranges, topics + "scan", frames + "laser", time_increment))
     return messages
+
+
+def turning_drive(sweep_s, seed, scans=400):
+    """A robot that turns at up to 1.7 rad/s in a room with pillars, ten scans a second whose rays take so long; and where it was, as lines of a TUM file."""
+    noise, messages, truth, odom, last = random.Random(seed), [transforms(1000.0, [("base_link", "laser", 0.2, 0.0, 0.3, 0.0, 0.0)])], [], (0.0, 0.0, 0.0), None
+
+    def pose(time):
+        return 4.5 + 2.2 * math.cos(0.12 * time), 3.0 + math.sin(0.12 * time), 0.12 * time + 1.6 * math.sin(time)
+
+    def range_at(time, angle):
+        x, y, heading = pose(time)
+        x, y, c, s = x + 0.2 * math.cos(heading), y + 0.2 * math.sin(heading), math.cos(heading + angle), math.sin(heading + angle)
+        nearest = min(((9.0 if c > 0 else 0.0) - x) / c if abs(c) > 1e-9 else 1e9, ((6.0 if s > 0 else 0.0) - y) / s if abs(s) > 1e-9 else 1e9)
+        for at_x, at_y, radius in ((6.0, 4.0, 0.4), (2.5, 4.6, 0.25), (7.5, 1.2, 0.3), (1.2, 1.5, 0.2), (4.2, 0.9, 0.15)):
+            along, across = (at_x - x) * c + (at_y - y) * s, (at_y - y) * c - (at_x - x) * s
+            if along > 0 and abs(across) < radius:
+                nearest = min(nearest, along - math.sqrt(radius * radius - across * across))
+        return nearest + noise.gauss(0.0, 0.01)
+
+    for i in range(scans):
+        time = 0.1 * i
+        x, y, heading = pose(time)
+        last = last or (x, y, heading)
+        dx, dy, turned = x - last[0], y - last[1], 1.015 * (heading - last[2]) + noise.gauss(0.0, 0.002)
+        apart = odom[2] - last[2]
+        odom = (odom[0] + 1.02 * (math.cos(apart) * dx - math.sin(apart) * dy), odom[1] + 1.02 * (math.sin(apart) * dx + math.cos(apart) * dy), odom[2] + turned)
+        last = (x, y, heading)
+        messages.append(odometry(1000.0 + time, *odom))
+        messages.append(scan(1000.0 + time, [range_at(time + sweep_s * k / 180, math.pi * (k / 180 - 0.5)) for k in range(181)], time_increment=sweep_s / 180))
+        truth.append(f"{1000.0 + time:.6f} {x:.9f} {y:.9f} 0 0 0 {math.sin(heading / 2):.12f} {math.cos(heading / 2):.12f}\n")
+    return messages, "".join(truth)
 
 
 def cloud_drive(with_rings, scans=20, robot="", shift=0.0):
