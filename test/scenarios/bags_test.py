@@ -40,7 +40,7 @@ class Bags(support.Scenario):
         self.assertEqual(len(upright), len(upside_down))
         self.assertLess(max(abs(a - b) for one, other in zip(upright, upside_down) for a, b in zip(one[1:4], other[1:4])), 0.05)
 
-    def test_scans_bent_by_turns_are_straightened_by_their_time_increment(self):
+    def test_scans_bent_by_turns_are_corrected_by_their_time_increment(self):
         error = dict.fromkeys(("straight", "bent", "as it is"), 0.0)
         for seed in (1, 2):
             for name, sweep_s, flags in (("straight", 0.0, ()), ("bent", 0.1, ()), ("as it is", 0.1, ("--set", "laser.scan.sweep=none", "--set", "laser.graph.sweep.estimate=false"))):
