@@ -237,7 +237,7 @@ std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verd
   const LaserTeam *of_a = team_of(a), *of_b = team_of(b);
   const Evaluation* of_teams = of_a == nullptr || of_b == nullptr ? nullptr : last_evaluation(of_a->maps, of_b->maps);
   if (of_teams != nullptr)
-    if (const auto matches = doubt_by(*of_teams); !matches.empty()) return matches;
+    if (const auto matches = doubt_by(*of_teams); !matches.empty() || alone == nullptr) return matches;
   if (alone != nullptr) return doubt_by(*alone);
   const auto state = pairs_.find({a, b});
   if (state == pairs_.end()) return {};
