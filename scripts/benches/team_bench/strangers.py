@@ -43,7 +43,8 @@ def corridor(draw):
 
 
 def warehouse(draw):
-    size = {"aisles": 2 * draw.randint(3, 5), "length_m": draw.choice((12, 20, 30)), "aisle_m": draw.choice((2.4, 3.0)), "pallets": draw.choice((0, 0, 20))}
+    """Of any size: empty ones of equal racks are the same building to a laser, whatever they are called."""
+    size = {"aisles": 2 * draw.randint(3, 5), "length_m": round(draw.uniform(12.0, 30.0), 1), "aisle_m": round(draw.uniform(2.2, 3.2), 2), "pallets": draw.choice((0, 0, 20))}
     return {"kind": "warehouse", "warehouse": size}, 2
 
 
