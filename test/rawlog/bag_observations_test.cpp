@@ -193,6 +193,22 @@ TEST_F(BagObservations, two_lasers_on_one_topic_get_two_labels) {
   EXPECT_EQ(reading.records[1].observation->sensorLabel, "scan@rear");
 }
 
+// A driver that was started again under another name, say.
+TEST_F(BagObservations, a_laser_whose_frame_changes_stays_one_where_both_frames_are_in_one_place) {
+  ScanFields renamed, moved;
+  renamed.frame = "lasez";
+  moved.frame = "rear";
+  const Pose3 front = spatial(Pose2(0.2, 0.1, 0.0)), rear = spatial(Pose2(-0.2, 0.0, M_PI));
+  const auto reading = read(
+      {bag_transforms(1.0, {{"base_link", "laser", front}, {"base_link", "lasez", front}, {"base_link", "rear", rear}}),
+       bag_odometry(1.0, 0, 0, 0), bag_scan(1.0), bag_scan(1.1, {1, 2}, renamed), bag_scan(1.2, {1, 2}, moved),
+       bag_scan(1.3, {1, 2}, renamed)});
+  std::vector<std::string> labels;
+  for (const Record& record : reading.records)
+    if (kinds({record}) == "s") labels.push_back(record.observation->sensorLabel);
+  EXPECT_THAT(labels, ElementsAre("scan", "scan", "scan@rear", "scan"));
+}
+
 TEST_F(BagObservations, several_topics_of_a_kind_need_a_choice) {
   ScanFields rear;
   rear.topic = "/rear/scan";

@@ -18,6 +18,12 @@
 namespace mapweave::rawlog::ros {
 namespace {
 
+bool is_same_place(const Pose3& one, const Pose3& other) {
+  constexpr double kMetres = 0.005, kRadians = 0.005;
+  const Pose3 apart = compose(inverse(one), other);
+  return apart.t.norm() < kMetres && Eigen::AngleAxisd(apart.q).angle() < kRadians;
+}
+
 // Transforms and calibrations may come after what they are needed for; so long, and with so many bytes waiting.
 constexpr std::int64_t kPatience_ns = 5'000'000'000;
 constexpr std::size_t kMostWaiting_bytes = 200'000'000;
@@ -222,12 +228,13 @@ class BagSource final : public RecordSource {
   void add(const Waiting& waiting, const Pose3& robot_from_sensor, std::vector<PlacedRecord>& records) {
     MessageReader reader = reader_of(waiting.message);
     switch (chosen(waiting).role) {
-      case TopicRole::scan: return add_scan(waiting, to_scan(read_laser_scan(reader), robot_from_sensor), records);
+      case TopicRole::scan:
+        return add_scan(waiting, robot_from_sensor, to_scan(read_laser_scan(reader), robot_from_sensor), records);
       case TopicRole::multi_echo_scan:
-        return add_scan(waiting, to_scan(read_multi_echo_scan(reader), robot_from_sensor), records);
+        return add_scan(waiting, robot_from_sensor, to_scan(read_multi_echo_scan(reader), robot_from_sensor), records);
       case TopicRole::cloud:
-        return add_scan(waiting, to_scan(read_point_cloud(reader), robot_from_sensor, options_, rings_[waiting.topic]),
-                        records);
+        return add_scan(waiting, robot_from_sensor,
+                        to_scan(read_point_cloud(reader), robot_from_sensor, options_, rings_[waiting.topic]), records);
       case TopicRole::odometry: {
         const Pose3 odometry_from_child = read_odometry(reader).pose;
         records.push_back(odometry_record(compose(odometry_from_child, inverse(robot_from_sensor)), waiting.stamp_ns,
@@ -246,21 +253,34 @@ class BagSource final : public RecordSource {
     }
   }
 
-  void add_scan(const Waiting& waiting, ConvertedScan converted, std::vector<PlacedRecord>& records) {
+  void add_scan(const Waiting& waiting, const Pose3& robot_from_laser, ConvertedScan converted,
+                std::vector<PlacedRecord>& records) {
     if (!converted.flaw.empty())
       say_once(path_ + ": a scan of " + name_of(waiting.topic) + ": " + converted.flaw +
                (converted.scan ? "" : "; it is left out"));
-    if (converted.scan) add_observation(std::move(converted.scan), waiting, label_of(waiting), records);
+    if (converted.scan)
+      add_observation(std::move(converted.scan), waiting, label_of(waiting, robot_from_laser), records);
   }
 
-  // Two lasers on one topic differ by their frames.
-  std::string label_of(const Waiting& waiting) {
+  // Two lasers on one topic differ by their frames, unless transforms put both frames in one place.
+  std::string label_of(const Waiting& waiting, const Pose3& robot_from_laser) {
     const std::string& label = chosen(waiting).label;
-    const std::string& first = first_frames_.emplace(waiting.topic, waiting.frame).first->second;
-    if (first == waiting.frame) return label;
-    say_once(path_ + ": " + name_of(waiting.topic) + " holds scans of the frames '" + first + "' and '" +
-             waiting.frame + "': taken for two lasers, '" + label + "' and '" + label + "@" + waiting.frame + "'");
-    return label + "@" + waiting.frame;
+    std::vector<LaserFrame>& lasers = lasers_[waiting.topic];
+    for (const LaserFrame& laser : lasers)
+      if (laser.frame == waiting.frame) return laser.label;
+    const std::string shown = path_ + ": " + name_of(waiting.topic) + " holds scans of the frames '" +
+                              (lasers.empty() ? "" : lasers.front().frame) + "' and '" + waiting.frame + "'";
+    LaserFrame found{waiting.frame, robot_from_laser, lasers.empty() ? label : label + "@" + waiting.frame};
+    for (const LaserFrame& laser : lasers) {
+      if (mounts_.frames().empty() || !is_same_place(laser.robot_from_laser, robot_from_laser)) continue;
+      say_once(shown + ", which stand in one place: taken for one laser");
+      found.label = laser.label;
+    }
+    if (!lasers.empty() && found.label == label + "@" + waiting.frame)
+      say_once(shown + ": taken for two lasers, '" + label + "' and '" + found.label +
+               "', of which laser.scan.label chooses one");
+    lasers.push_back(std::move(found));
+    return lasers.back().label;
   }
 
   void add_observation(std::shared_ptr<mrpt::obs::CObservation> observation, const Waiting& waiting,
@@ -291,7 +311,12 @@ class BagSource final : public RecordSource {
   std::size_t waiting_bytes_ = 0;
   std::int64_t newest_ns_ = 0;
   bool ended_ = false;
-  std::map<std::size_t, std::string> first_frames_;
+  struct LaserFrame {
+    std::string frame;
+    Pose3 robot_from_laser;
+    std::string label;
+  };
+  std::map<std::size_t, std::vector<LaserFrame>> lasers_;  // of each topic
   std::map<std::size_t, std::uint64_t> too_early_;
 };
 
