@@ -1,5 +1,7 @@
 """Nodes of ROS 1 on this machine: what robots publish becomes the map of the recording, whatever is killed meanwhile."""
 import pickle
+import shutil
+import subprocess
 import time
 import unittest
 
@@ -16,6 +18,36 @@ class RosNodes(RosScenario):
         self.finish(node)
         player.stdin.close()
         self.same_as_batch(40)
+
+    def test_a_bag_that_rosbag_plays_is_mapped_and_tools_of_ros_read_what_nodes_publish(self):
+        if shutil.which("rosbag") is None:
+            self.skipTest("needs rosbag, of the Debian package python3-rosbag")
+        (self.folder / "messages").write_bytes(pickle.dumps(drives()))
+        self.run_python("""
+import pickle, genpy, rosbag, roslib.message
+with rosbag.Bag('team.bag', 'w') as bag:
+    for topic, kind, stamp, data in pickle.load(open('messages', 'rb')):
+        bag.write(topic, roslib.message.get_message_class(kind)().deserialize(data), genpy.Time.from_sec(stamp))
+""")
+        node = self.team()
+        player = self.begin("rosbag", "play", "--quiet", "--delay", 8, "--rate", 4, "--topics", "/tf_static", *(f"/{robot}/{topic}" for robot in SHIFTS for topic in ("scan", "odom")),
+                            "--bags", "team.bag")
+        player.wait(60 * support.PATIENCE)
+        self.assertEqual(player.returncode, 0, player.log.read_text())
+        self.await_(lambda: "tb0 + tb1" in node.log.read_text() or "joined" in self.diagnostics(), "a joint preview")
+        self.assertIn("nav_msgs/OccupancyGrid", self.tool("rostopic", "type", "/cloud/map"))
+        self.assertIn("resolution: 0.05", self.tool("rostopic", "echo", "-n", "1", "/tb0/map/info"))
+        links = self.tool("rostopic", "echo", "-n", "20", "/tf/transforms")
+        for parent, child in (("team", "tb0/map"), ("team", "tb1/map")):
+            self.assertRegex(links, f'frame_id: "{parent}"\n *child_frame_id: "{child}"')
+        self.assertIn("std_srvs/Trigger", self.tool("rosservice", "type", "/team/finish"))
+        self.finish(node)
+        self.same_as_batch(40)
+
+    def tool(self, *command):
+        done = subprocess.run([str(word) for word in command], cwd=self.folder, env=self.variables, capture_output=True, text=True, timeout=60 * support.PATIENCE, check=False)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        return done.stdout
 
     def test_maps_topics_and_services_show_the_same_cells(self):
         node = self.team()
