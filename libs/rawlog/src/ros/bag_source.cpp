@@ -14,6 +14,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <utility>
 
 namespace mapweave::rawlog::ros {
 namespace {
@@ -53,6 +54,40 @@ PlacedRecord odometry_record(const Pose3& odometry_from_robot, std::int64_t stam
   const Stamp stamp = to_stamp(odometry->timestamp);
   return {{stamp, std::move(odometry)}, place};
 }
+
+// Two lasers on one topic differ by their frames, unless transforms put both frames in one place.
+class LasersOfTopic {
+ public:
+  // The label of the laser of a frame, and what is to be said of a frame that is new. `label`: of the first one.
+  // robot_from_laser: none without transforms.
+  std::pair<std::string, std::string> named(const std::string& label, const std::string& frame,
+                                            const std::optional<Pose3>& robot_from_laser) {
+    for (const Frame& known : frames_)
+      if (known.name == frame) return {known.label, {}};
+    if (frames_.empty()) {
+      frames_.push_back({frame, robot_from_laser, label});
+      return {label, {}};
+    }
+    const std::string both = "the frames '" + frames_.front().name + "' and '" + frame + "'";
+    for (const Frame& known : frames_) {
+      if (!robot_from_laser || !known.robot_from_laser || !is_same_place(*known.robot_from_laser, *robot_from_laser))
+        continue;
+      frames_.push_back({frame, robot_from_laser, known.label});
+      return {frames_.back().label, both + ", which stand in one place: taken for one laser"};
+    }
+    frames_.push_back({frame, robot_from_laser, label + "@" + frame});
+    return {frames_.back().label, both + ": taken for two lasers, '" + label + "' and '" + frames_.back().label +
+                                      "', of which laser.scan.label chooses one"};
+  }
+
+ private:
+  struct Frame {
+    std::string name;
+    std::optional<Pose3> robot_from_laser;
+    std::string label;
+  };
+  std::vector<Frame> frames_;
+};
 
 class BagSource final : public RecordSource {
  public:
@@ -262,25 +297,12 @@ class BagSource final : public RecordSource {
       add_observation(std::move(converted.scan), waiting, label_of(waiting, robot_from_laser), records);
   }
 
-  // Two lasers on one topic differ by their frames, unless transforms put both frames in one place.
   std::string label_of(const Waiting& waiting, const Pose3& robot_from_laser) {
-    const std::string& label = chosen(waiting).label;
-    std::vector<LaserFrame>& lasers = lasers_[waiting.topic];
-    for (const LaserFrame& laser : lasers)
-      if (laser.frame == waiting.frame) return laser.label;
-    const std::string shown = path_ + ": " + name_of(waiting.topic) + " holds scans of the frames '" +
-                              (lasers.empty() ? "" : lasers.front().frame) + "' and '" + waiting.frame + "'";
-    LaserFrame found{waiting.frame, robot_from_laser, lasers.empty() ? label : label + "@" + waiting.frame};
-    for (const LaserFrame& laser : lasers) {
-      if (mounts_.frames().empty() || !is_same_place(laser.robot_from_laser, robot_from_laser)) continue;
-      say_once(shown + ", which stand in one place: taken for one laser");
-      found.label = laser.label;
-    }
-    if (!lasers.empty() && found.label == label + "@" + waiting.frame)
-      say_once(shown + ": taken for two lasers, '" + label + "' and '" + found.label +
-               "', of which laser.scan.label chooses one");
-    lasers.push_back(std::move(found));
-    return lasers.back().label;
+    const auto [laser, news] =
+        lasers_[waiting.topic].named(chosen(waiting).label, waiting.frame,
+                                     mounts_.frames().empty() ? std::nullopt : std::optional(robot_from_laser));
+    if (!news.empty()) say_once(path_ + ": " + name_of(waiting.topic) + " holds scans of " + news);
+    return laser;
   }
 
   void add_observation(std::shared_ptr<mrpt::obs::CObservation> observation, const Waiting& waiting,
@@ -311,12 +333,7 @@ class BagSource final : public RecordSource {
   std::size_t waiting_bytes_ = 0;
   std::int64_t newest_ns_ = 0;
   bool ended_ = false;
-  struct LaserFrame {
-    std::string frame;
-    Pose3 robot_from_laser;
-    std::string label;
-  };
-  std::map<std::size_t, std::vector<LaserFrame>> lasers_;  // of each topic
+  std::map<std::size_t, LasersOfTopic> lasers_;  // of each topic
   std::map<std::size_t, std::uint64_t> too_early_;
 };
 
