@@ -123,6 +123,29 @@ TEST(LaserTeam, is_not_made_of_robots_that_were_in_different_rooms_which_look_al
   }
 }
 
+// Two warehouses of one maker: the racks of one stand 6 to 11 cm farther apart, which ICP forgives.
+TEST(LaserTeam, is_not_made_of_robots_in_two_warehouses_whose_aisles_differ_by_centimetres) {
+  simulation::WorldOptions world;
+  for (const auto& [aisles, length_m, aisle_m] : {std::tuple(8, 13.8, 2.43), {6, 16.8, 2.54}, {8, 13.3, 2.37}}) {
+    simulation::BuildingOptions building;
+    building.kind = simulation::PlanKind::warehouse;
+    building.warehouse.aisles = aisles;
+    building.warehouse.length_m = length_m;
+    building.warehouse.aisle_m = aisle_m;
+    building.warehouse.pallets = 0;
+    simulation::RobotOptions robot;
+    robot.id = "robot" + std::to_string(world.robots.size());
+    robot.building = static_cast<int>(world.buildings.size());
+    robot.length_m = 25.0;
+    world.buildings.push_back(building);
+    world.robots.push_back(robot);
+  }
+  const auto result = fused(mapped(simulation::recorded(world)));
+  EXPECT_EQ(result.components.size(), 3U);
+  EXPECT_TRUE(std::any_of(result.verdicts.begin(), result.verdicts.end(),
+                          [](const Verdict& verdict) { return verdict.reason == Reason::other_widths; }));
+}
+
 // Rooms of a hotel, each robot in its own; the prior lays those of the second one on those of the first one, which look
 // the same.
 TEST(LaserTeam, believes_a_prior_that_is_wrong_by_whole_rooms_where_rooms_repeat) {

@@ -88,6 +88,7 @@ TEST(Verdict, of_lasers_is_open_while_more_walls_speak_for_a_merge_than_against_
   expect(doubted({2.0, 0.88, 0.0, true}, 10.0, 0.0), Decision::deferred, Reason::ambiguous);
   expect(doubted({-2.0, 0.1, 0.0, false}, 10.0, 2.0), Decision::deferred, Reason::little_evidence);
   expect(doubted({-2.0, 0.1, 0.0, false}, 10.0, 3.0), Decision::refused, Reason::contradiction);
+  expect(doubted({-2.0, 0.1, 0.0, false, true}, 10.0, 2.0), Decision::refused, Reason::other_widths);
 }
 
 TEST(Verdict, of_grids_that_a_third_one_contradicts_stays_open) {

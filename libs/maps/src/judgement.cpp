@@ -15,6 +15,7 @@ std::string_view to_text(Reason reason) {
     case Reason::excluded: return "excluded";
     case Reason::same_recording: return "same_recording";
     case Reason::little_evidence: return "little_evidence";
+    case Reason::other_widths: return "other_widths";
   }
   return "unknown";
 }

@@ -15,6 +15,7 @@ std::string_view in_words(Reason reason) {
     case Reason::excluded: return "the user excluded this pair";
     case Reason::same_recording: return "they hold the same recording, which counts once";
     case Reason::little_evidence: return "what fits may fit by chance";
+    case Reason::other_widths: return "rooms are wider in one map than in the other";
   }
   return "no reason given";
 }
@@ -43,6 +44,8 @@ std::string_view what_helps(Reason reason) {
     case Reason::excluded: return "merge without --refuse";
     case Reason::same_recording: return "leave one of them out (--without)";
     case Reason::little_evidence: return "drive more of what the other robot saw, or give a prior (--anchor)";
+    case Reason::other_widths:
+      return "most likely they are different buildings that are made alike; if not, one laser's ranges are off";
   }
   return {};
 }

@@ -102,11 +102,12 @@ function boundsOfPair(a, b, hypothesis) {
   return [Math.min(a.view[0], ...xs), Math.min(a.view[1], ...ys), Math.max(a.view[2], ...xs), Math.max(a.view[3], ...ys)];
 }
 
-function hypothesisNumbers(hypothesis) {
+function hypothesisNumbers(hypothesis, pair) {
   const parts = { lasers: [['coinciding_m', 'wall of both coincides'], ['distinctive_m', 'of it fits nowhere around'], ['contradicted_m', 'seen through by the other'],
     ['unclear_m', 'unclear'], ['by_chance_m', 'expected by chance']],
   grids: [['coinciding_m', 'wall of both coincides'], ['support_m', 'counts, by how unusual it is'], ['contradicted_m', 'in free space of the other']], cameras: [] };
   const rows = (parts[hypothesis.sense] || []).filter(([name]) => isNumber(hypothesis[name])).map(([name, text]) => [text, `${fixed(hypothesis[name], 1)} m`]);
+  if (Math.abs(hypothesis.wider_m) > 0.03) rows.push([`rooms of ${hypothesis.wider_m > 0 ? pair.b : pair.a} are wider`, `${fixed(100 * Math.abs(hypothesis.wider_m), 0)} cm at least`]);
   rows.push([hypothesis.sense === 'cameras' ? 'pairs of pictures that agree' : 'places that agree', String(hypothesis.matches)]);
   if (hypothesis.sense === 'cameras') rows.push(['pairs of pictures that put them elsewhere', String(hypothesis.elsewhere)]);
   if (hypothesis.sense !== 'cameras') rows.push(['overlap', `${fixed(100 * hypothesis.overlap, 0)} %`]);
@@ -132,7 +133,7 @@ function pairPicture(pair, a, b) {
   function choose(choice) {
     chosen = choice;
     buttons.forEach((one, index) => one.setAttribute('aria-pressed', String(choices[index] === choice)));
-    numbers.replaceChildren(...(choice.hypothesis && choice.hypothesis.sense ? [hypothesisNumbers(choice.hypothesis)] : []));
+    numbers.replaceChildren(...(choice.hypothesis && choice.hypothesis.sense ? [hypothesisNumbers(choice.hypothesis, pair)] : []));
     viewport.show(boundsOfPair(a, b, choice.hypothesis));
   }
   choose(chosen);
@@ -151,7 +152,7 @@ function pairBody(pair) {
   const lines = [pair.words, pair.detail && `More: ${pair.detail}.`, pair.in_one_map && (pair.connected_through || []).length > 0 &&
     `In one map through ${pair.connected_through.join(', ')}.`, pair.prior && `Prior: ${pair.prior}.`, pair.helps && `What helps: ${pair.helps}.`];
   const picture = drawn(a) && drawn(b) ? pairPicture(pair, a, b) : [make('p', { class: 'soft' }, 'The maps of the two are not in this folder, so they are not drawn here.')];
-  const rest = (pair.hypotheses || []).length > 0 && !(drawn(a) && drawn(b)) ? [hypothesisNumbers(pair.hypotheses[0])] : [];
+  const rest = (pair.hypotheses || []).length > 0 && !(drawn(a) && drawn(b)) ? [hypothesisNumbers(pair.hypotheses[0], pair)] : [];
   return make('div', {}, lines.filter(Boolean).map((line) => make('p', {}, line)), picture, rest);
 }
 

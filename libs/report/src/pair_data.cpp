@@ -20,8 +20,8 @@ void copy(const Json& from, Json& to, std::initializer_list<const char*> keys) {
 Json hypothesis_json(const Json& reported) {
   Json hypothesis = Json::object();
   copy(reported, hypothesis,
-       {"sense", "b_from_a", "probability", "matches", "coinciding_m", "distinctive_m", "contradicted_m", "unclear_m",
-        "by_chance_m", "support_m", "overlap", "elsewhere"});
+       {"sense", "b_from_a", "probability", "matches", "coinciding_m", "distinctive_m", "wider_m", "contradicted_m",
+        "unclear_m", "by_chance_m", "support_m", "overlap", "elsewhere"});
   if (reported.value("taken_apart", false)) hypothesis["taken_apart"] = true;
   Json places = reported.value("contradictions", Json::array());
   if (places.size() > kMostContradictions) places.erase(places.begin() + kMostContradictions, places.end());

@@ -46,8 +46,9 @@ void accept_by_lasers(Verdict& verdict, double log_odds);
 // The pair's best hypothesis, where it was not merged. `walls`: of both maps, as that one lays them.
 struct LaserDoubt {
   double log_odds = 0.0, probability = 0.0;
-  double rival = 0.0;    // probability of the second best hypothesis over that of the best
-  bool repeats = false;  // what fits looks like other places of the same maps
+  double rival = 0.0;             // probability of the second best hypothesis over that of the best
+  bool repeats = false;           // what fits looks like other places of the same maps
+  bool has_other_widths = false;  // more would speak for it than against it, were rooms as wide in both maps
 };
 void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreement& walls,
                      const FusionOptions& options);

@@ -115,7 +115,8 @@ WeighedWalls weighed(const WallAgreement& walls) {
   const double covered = std::clamp((walls.overlap - kPartlyOverlap) / (kWholeOverlap - kPartlyOverlap), 0.0, 1.0);
   result.unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
   const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * result.unclear_m;
-  result.sum_m = walls.distinctive_m - against_m - result.by_chance_m;
+  result.distinctive_m = counted_share(walls.wider_m) * (walls.distinctive_m - walls.repeated_m);
+  result.sum_m = result.distinctive_m - against_m - result.by_chance_m;
   result.log_odds = std::clamp(kPerMetre * result.sum_m, -kSurestLogOdds, kSurestLogOdds);
   return result;
 }
@@ -224,8 +225,12 @@ std::string LaserMerger::last_proposer(std::size_t a, std::size_t b) const {
 std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verdict& verdict) const {
   const auto doubt_by = [&](const Evaluation& evaluation) {
     const MergeHypothesis& best = evaluation.hypotheses.front();
-    doubt_by_lasers(verdict, {best.log_odds, evaluation.probability, evaluation.rival, evaluation.repeats}, best.walls,
-                    options_);
+    WallAgreement as_wide = best.walls;
+    as_wide.wider_m = 0.0;
+    const bool has_other_widths = best.log_odds <= 0.0 && weighed(as_wide).sum_m > 0.0;
+    doubt_by_lasers(verdict,
+                    {best.log_odds, evaluation.probability, evaluation.rival, evaluation.repeats, has_other_widths},
+                    best.walls, options_);
     std::vector<SubmapMatch> matches;
     for (const SubmapMatch& match : best.matches)
       if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b))

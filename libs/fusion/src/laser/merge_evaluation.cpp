@@ -4,6 +4,7 @@
 #include "laser_team.h"
 
 #include "decision/commitment.h"
+#include "room_widths.h"
 #include "self_repetition.h"
 #include "sorted_numbers.h"
 
@@ -25,7 +26,7 @@ constexpr int kMostRounds = 12;              // of a search: bounds the time; mo
 constexpr int kMostMendings = 2;             // of a hypothesis, which may be wrong; a team has six (DECISIONS.md, 68)
 constexpr std::size_t kFewestToMend = 3;     // matches
 constexpr double kAsGoodAFit = 0.9;          // of the best one's wall on wall: less is what another place has by chance
-constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior
+constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior: it tells places apart that look alike
 
 }  // namespace
 
@@ -115,7 +116,16 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
     return maps.size() == 1 ? maps_[maps.front()].walls_m : length_of_walls(all);
   };
   const double walls_m[2] = {walls_m_of(a, placed[0]), walls_m_of(b, placed[1])};
-  return wall_agreement(sides[0], walls_m[0], sides[1], walls_m[1], sight_of({&sides[0], &sides[1]}));
+  WallAgreement walls = wall_agreement(sides[0], walls_m[0], sides[1], walls_m[1], sight_of({&sides[0], &sides[1]}));
+  // Walls of map_server grids are as thick as their cells.
+  for (auto& side : sides)
+    side.erase(std::remove_if(side.begin(), side.end(),
+                              [&](const PlacedSubmap& submap) { return maps_[graph_.map_of(submap.number)].is_grid; }),
+               side.end());
+  walls.wider_m = compare_widths(sides[0], sides[1]).certain_m();
+  // A prior tells places apart that look alike.
+  if (priors_.log_odds(solved, a, b) >= kPriorDistinguishes) walls.repeated_m = 0.0;
+  return walls;
 }
 
 void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) {
@@ -201,7 +211,6 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
   const MergeHypothesis& surest = evaluation.hypotheses.front();
   if (evaluation.probability < options_.merge_probability || surest.is_of_grids) return evaluation;
-  // A prior tells places apart that look alike.
   // What stood twice does so still, however more answers move it.
   const bool stood_twice = before.repeats && is_same(before.hypotheses.front(), surest);
   evaluation.repeats = surest.prior_log_odds < kPriorDistinguishes &&

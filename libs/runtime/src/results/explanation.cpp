@@ -144,7 +144,7 @@ std::string picture(const ReportedPair& pair, const OccupancyGrid& a, const Occu
     panels.push_back(panel_at(*pair.in_team, {"as they lie in the team's map, through other maps"}));
   for (std::size_t i = 0; i < pair.hypotheses.size(); ++i) {
     const ReportedHypothesis& hypothesis = pair.hypotheses[i];
-    exporters::HypothesisPanel panel = panel_at(hypothesis.transform, caption(hypothesis, i + 1));
+    exporters::HypothesisPanel panel = panel_at(hypothesis.transform, caption(hypothesis, i + 1, pair));
     for (const Json& place : hypothesis.contradictions())
       panel.rings.push_back({place.at("x_m").get<double>(), place.at("y_m").get<double>(),
                              std::max(0.5, 0.5 * place.at("length_m").get<double>())});

@@ -25,6 +25,9 @@ std::string where(const ReportedTransform& transform, Sense sense, const Reporte
   return text;
 }
 
+// The share of what fits that counts: less than all where rooms have other widths.
+double share_of(const ReportedHypothesis& hypothesis) { return fusion::counted_share(hypothesis.of("wider_m")); }
+
 // Walls of lasers whose evidence was weighed: else their sum says nothing.
 bool is_weighed(const ReportedHypothesis& hypothesis) { return hypothesis.of("by_chance_m") > 0.0; }
 
@@ -44,7 +47,7 @@ std::string for_it(const ReportedHypothesis& hypothesis) {
   return text + counted(matches_of(hypothesis), "place agrees", "places agree");
 }
 
-std::string against_it(const ReportedHypothesis& hypothesis) {
+std::string against_it(const ReportedHypothesis& hypothesis, const ReportedPair& pair) {
   const double contradicted_m = hypothesis.of("contradicted_m");
   if (hypothesis.sense == Sense::cameras) {
     const int elsewhere = static_cast<int>(hypothesis.of("elsewhere"));
@@ -52,21 +55,30 @@ std::string against_it(const ReportedHypothesis& hypothesis) {
                           : counted(elsewhere, "pair of pictures puts", "pairs of pictures put") + " them elsewhere";
   }
   if (hypothesis.sense == Sense::grids) return format("%.1f m of wall lie in free space of the other", contradicted_m);
-  return format("%.1f m of wall were seen through, %.1f m are unclear", contradicted_m, hypothesis.of("unclear_m"));
+  std::string text =
+      format("%.1f m of wall were seen through, %.1f m are unclear", contradicted_m, hypothesis.of("unclear_m"));
+  if (share_of(hypothesis) < 1.0)
+    text +=
+        format("; rooms of %s are at least %.0f cm wider", (hypothesis.of("wider_m") > 0.0 ? pair.b : pair.a).c_str(),
+               100.0 * std::abs(hypothesis.of("wider_m")));
+  return text;
 }
 
 // What the probability is made of, as the merge was decided by.
 std::string sum_of(const ReportedHypothesis& hypothesis) {
   constexpr double kSurest = 20.0;
   if (hypothesis.sense != Sense::lasers || !is_weighed(hypothesis)) return "";
-  const double sum = hypothesis.of("distinctive_m") - fusion::kContradictionWeight * hypothesis.of("contradicted_m") -
+  const double distinctive_m = share_of(hypothesis) * hypothesis.of("distinctive_m");
+  const double sum = distinctive_m - fusion::kContradictionWeight * hypothesis.of("contradicted_m") -
                      fusion::kUnclearWeight * hypothesis.of("counted_unclear_m") - hypothesis.of("by_chance_m");
   std::string text = format(
-      "     the sum:    %.1f m that fit nowhere around - %.0f x %.1f m seen through - %.0f x %.1f m unclear%s - %.1f m "
+      "     the sum:    %.1f m that fit nowhere around%s - %.0f x %.1f m seen through - %.0f x %.1f m unclear%s - %.1f "
+      "m "
       "expected by chance "
       "= %.1f",
-      hypothesis.of("distinctive_m"), fusion::kContradictionWeight, hypothesis.of("contradicted_m"),
-      fusion::kUnclearWeight, hypothesis.of("counted_unclear_m"),
+      distinctive_m, share_of(hypothesis) < 1.0 ? " (not all, as rooms differ in width)" : "",
+      fusion::kContradictionWeight, hypothesis.of("contradicted_m"), fusion::kUnclearWeight,
+      hypothesis.of("counted_unclear_m"),
       hypothesis.of("counted_unclear_m") < hypothesis.of("unclear_m") - 0.05 ? " (the others lie where a view ends)"
                                                                              : "",
       hypothesis.of("by_chance_m"), sum);
@@ -88,7 +100,7 @@ std::string text_of(const ReportedHypothesis& hypothesis, std::size_t number, co
   if (!was_compared(hypothesis))
     return text + format("     no walls were compared: %s so, but the maps cannot be bent to fit them\n",
                          counted(matches_of(hypothesis), "place matches", "places match").c_str());
-  text += "     for it:     " + for_it(hypothesis) + "\n     against it: " + against_it(hypothesis);
+  text += "     for it:     " + for_it(hypothesis) + "\n     against it: " + against_it(hypothesis, pair);
   if (const Json& places = hypothesis.contradictions(); !places.empty())
     text += format("; the longest, %.1f m, at x %.1f m, y %.1f m of %s's map", places[0].at("length_m").get<double>(),
                    places[0].at("x_m").get<double>(), places[0].at("y_m").get<double>(), pair.a.c_str());
@@ -168,13 +180,13 @@ std::string page(const ReportedPair& pair, const std::vector<std::string>& raste
   return text;
 }
 
-std::vector<std::string> caption(const ReportedHypothesis& hypothesis, std::size_t number) {
+std::vector<std::string> caption(const ReportedHypothesis& hypothesis, std::size_t number, const ReportedPair& pair) {
   std::string first = hypothesis.is("taken_apart")
                           ? format("%zu. merged so at first, and taken apart by the audit", number)
                           : format("%zu. probability by itself %.2f", number, hypothesis.of("probability"));
   if (!hypothesis.is("taken_apart") && hypothesis.sense != Sense::cameras)
     first += format(", overlap %.0f %%", 100.0 * hypothesis.of("overlap"));
-  return {first, "for it: " + for_it(hypothesis), "against it: " + against_it(hypothesis)};
+  return {first, "for it: " + for_it(hypothesis), "against it: " + against_it(hypothesis, pair)};
 }
 
 }  // namespace mapweave::runtime

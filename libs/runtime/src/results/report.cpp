@@ -73,6 +73,7 @@ Json hypothesis_json(const PairHypothesis& hypothesis) {
           {"matches", hypothesis.matches},
           {"coinciding_m", hypothesis.coinciding_m},
           {"distinctive_m", hypothesis.distinctive_m},
+          {"wider_m", hypothesis.wider_m},
           {"contradicted_m", hypothesis.contradicted_m},
           {"unclear_m", hypothesis.unclear_m},
           {"counted_unclear_m", hypothesis.counted_unclear_m},

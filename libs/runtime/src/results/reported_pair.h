@@ -51,6 +51,6 @@ std::optional<ReportedTransform> reported_transform(const nlohmann::ordered_json
 std::string page(const ReportedPair& pair, const std::vector<std::string>& rasters);
 
 // Lines under a picture of it.
-std::vector<std::string> caption(const ReportedHypothesis& hypothesis, std::size_t number);
+std::vector<std::string> caption(const ReportedHypothesis& hypothesis, std::size_t number, const ReportedPair& pair);
 
 }  // namespace mapweave::runtime

@@ -45,9 +45,10 @@ enum class Reason : std::uint8_t {
   inconsistent = 5,
   vetoed = 6,
   too_few_witnesses = 7,
-  excluded = 8,         // the user wants the two maps not to be matched
-  same_recording = 9,   // the two maps hold the same scans
-  little_evidence = 10  // walls that fit, but so few that it may be chance
+  excluded = 8,          // the user wants the two maps not to be matched
+  same_recording = 9,    // the two maps hold the same scans
+  little_evidence = 10,  // walls that fit, but so few that it may be chance
+  other_widths = 11      // walls coincide, but rooms are wider in one map than in the other
 };
 
 struct Judgement {
@@ -76,6 +77,7 @@ struct PairHypothesis {
   double prior_log_odds = 0.0;     // that a prior adds
   double coinciding_m = 0.0;       // walls of both
   double distinctive_m = 0.0;      // that fit here and nowhere around
+  double wider_m = 0.0;            // b's rooms are at least so much wider where walls coincide; negative: narrower
   double contradicted_m = 0.0;     // that the other one saw through
   double unclear_m = 0.0;          // where the other one looked and saw neither
   double counted_unclear_m = 0.0;  // of these, what speaks against it: where maps overlap little, views just end

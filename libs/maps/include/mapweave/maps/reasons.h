@@ -13,6 +13,6 @@ std::string_view in_words(Reason);
 std::string_view to_text(Sense);  // "lasers", "grids", "cameras"
 // What somebody can do about it; may be empty.
 std::string_view what_helps(Reason);
-constexpr Reason kLastReason = Reason::little_evidence;
+constexpr Reason kLastReason = Reason::other_widths;
 
 }  // namespace mapweave
