@@ -123,6 +123,29 @@ TEST(LaserTeam, is_not_made_of_robots_that_were_in_different_rooms_which_look_al
   }
 }
 
+// One robot drives at the edge of a warehouse, the other one in its middle: but for the outer wall, which one of them
+// sees, all aisles are the same.
+TEST(LaserTeam, is_not_made_of_robots_in_two_aisles_of_one_warehouse) {
+  simulation::WorldOptions world;
+  world.seed = 2003;
+  simulation::BuildingOptions building;
+  building.kind = simulation::PlanKind::warehouse;
+  building.warehouse.aisles = 6;
+  building.warehouse.length_m = 26.5;
+  building.warehouse.aisle_m = 2.95;
+  building.warehouse.pallets = 0;
+  world.buildings = {building};
+  world.robots.resize(2);
+  world.robots[0].id = "robot0";
+  world.robots[0].last_room = 5;
+  world.robots[0].length_m = 15.0;
+  world.robots[1].id = "robot1";
+  world.robots[1].first_room = 6;
+  world.robots[1].length_m = 26.0;
+  const auto maps = mapped(simulation::recorded(world));
+  EXPECT_EQ(fused(maps).components.size(), 2U);
+}
+
 // Two warehouses of one maker: the racks of one stand 6 to 11 cm farther apart, which ICP forgives.
 TEST(LaserTeam, is_not_made_of_robots_in_two_warehouses_whose_aisles_differ_by_centimetres) {
   simulation::WorldOptions world;
