@@ -90,13 +90,26 @@ TEST(Explanation, of_strangers_says_why_and_what_helps) {
   EXPECT_EQ(page.png.substr(1, 3), "PNG");
 }
 
+TEST(Explanation, says_by_how_much_rooms_differ_in_width) {
+  const test::TemporaryFolder folder;
+  fs::copy(merged().folder / "out", folder / "out", fs::copy_options::recursive);
+  auto merges = nlohmann::json::parse(read_file(folder / "out/merges.json"));
+  for (auto& verdict : merges)
+    if (verdict["a"] == "robot0" && verdict["b"] == "robot1") verdict["hypotheses"][0]["wider_m"] = -0.04;
+  write_file(folder / "out/merges.json", merges.dump());
+  EXPECT_THAT(explained(folder / "out", "robot0", "robot1").text,
+              testing::AllOf(HasSubstr("m are unclear; rooms of robot0 are at least 4 cm wider"),
+                             HasSubstr("m that fit nowhere around (not all, as rooms differ in width) - 4 x ")));
+}
+
 TEST(Explanation, has_a_sum_that_gives_the_log_odds) {
   std::size_t weighed = 0;
   for (const auto& verdict : merges_json(merged().report))
     for (const auto& hypothesis : verdict["hypotheses"]) {
       const double chance_m = hypothesis["by_chance_m"];
       if (chance_m == 0.0 || hypothesis["coinciding_m"] == 0.0) continue;
-      const double sum = hypothesis["distinctive_m"].get<double>() -
+      const double share = fusion::counted_share(hypothesis["wider_m"].get<double>());
+      const double sum = share * hypothesis["distinctive_m"].get<double>() -
                          fusion::kContradictionWeight * hypothesis["contradicted_m"].get<double>() -
                          fusion::kUnclearWeight * hypothesis["counted_unclear_m"].get<double>() - chance_m;
       const double with_prior = std::clamp(sum, -20.0, 20.0) + hypothesis["prior_log_odds"].get<double>();
