@@ -95,10 +95,10 @@ void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreem
   verdict.second_best = doubt.rival;
   verdict.conflict = walls.conflict();
   verdict.overlap = walls.overlap;
-  if (doubt.log_odds > 0.0)
-    leave_open(verdict, doubt.repeats || doubt.rival > options.max_rival ? Reason::ambiguous : Reason::little_evidence);
-  else if (doubt.has_other_widths)
+  if (doubt.has_other_widths)
     refuse(verdict, Reason::other_widths);
+  else if (doubt.log_odds > 0.0)
+    leave_open(verdict, doubt.repeats || doubt.rival > options.max_rival ? Reason::ambiguous : Reason::little_evidence);
   else if (walls.contradicted_m * kContradictionWeight < walls.distinctive_m)
     leave_open(verdict, Reason::little_evidence);
   else

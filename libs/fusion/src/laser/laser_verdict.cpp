@@ -115,7 +115,7 @@ WeighedWalls weighed(const WallAgreement& walls) {
   const double covered = std::clamp((walls.overlap - kPartlyOverlap) / (kWholeOverlap - kPartlyOverlap), 0.0, 1.0);
   result.unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
   const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * result.unclear_m;
-  result.distinctive_m = counted_share(walls.wider_m) * (walls.distinctive_m - walls.repeated_m);
+  result.distinctive_m = counted_share(walls.wider_m) * walls.distinctive_m;
   result.sum_m = result.distinctive_m - against_m - result.by_chance_m;
   result.log_odds = std::clamp(kPerMetre * result.sum_m, -kSurestLogOdds, kSurestLogOdds);
   return result;

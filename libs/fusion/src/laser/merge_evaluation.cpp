@@ -122,9 +122,18 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
     side.erase(std::remove_if(side.begin(), side.end(),
                               [&](const PlacedSubmap& submap) { return maps_[graph_.map_of(submap.number)].is_grid; }),
                side.end());
-  walls.wider_m = compare_widths(sides[0], sides[1]).certain_m();
-  // A prior tells places apart that look alike.
-  if (priors_.log_odds(solved, a, b) >= kPriorDistinguishes) walls.repeated_m = 0.0;
+  // Whose walls are looked up does not depend on names.
+  const auto lowest_fingerprint = [&](const std::vector<PlacedSubmap>& side) {
+    std::optional<Hash> lowest;
+    for (const PlacedSubmap& submap : side) {
+      const Hash& hash = maps_[graph_.map_of(submap.number)].fingerprints[graph_.submap_of(submap.number)];
+      if (!lowest || hash < *lowest) lowest = hash;
+    }
+    return lowest;
+  };
+  const std::size_t first = lowest_fingerprint(sides[1]) < lowest_fingerprint(sides[0]) ? 1 : 0;
+  const double wider_m = compare_widths(sides[first], sides[1 - first]).certain_m();
+  walls.wider_m = first == 0 ? wider_m : 0.0 - wider_m;
   return walls;
 }
 

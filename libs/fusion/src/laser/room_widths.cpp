@@ -132,7 +132,7 @@ std::size_t nearest(const PlacedSubmap& to, const std::vector<PlacedSubmap>& sid
 }  // namespace
 
 double WidthComparison::certain_m() const {
-  return std::copysign(std::max(0.0, std::abs(difference_m) - 2.0 * deviation_m), difference_m);
+  return std::max(0.0, difference_m - 2.0 * deviation_m) - std::max(0.0, -difference_m - 2.0 * deviation_m);
 }
 
 WidthComparison compare_widths(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b) {
