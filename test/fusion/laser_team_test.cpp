@@ -202,8 +202,7 @@ TEST(LaserTeam, of_a_small_flat_is_one_map_within_a_centimetre) {
   }
 }
 
-// Walls of a room that is as small as this slide along themselves: that does not make it a building that repeats
-// itself.
+// Of a room as small as this, hardly anything fits nowhere around.
 TEST(LaserTeam, of_a_room_of_four_metres_is_one_map) {
   simulation::WorldOptions world;
   world.seed = 2;
