@@ -192,7 +192,7 @@ TEST_F(NatsChannelTest, goes_on_where_streams_and_consumers_are_deleted) {
   EXPECT_TRUE(at_edge->request("$JS.API.STREAM.DELETE.north_up_1", "", 10s));
   for (int i = 20; i < 40; ++i) send(*robot, {"update", std::to_string(i)});
   EXPECT_EQ(receive(*edge, 20), numbers(20, 40));
-  EXPECT_EQ(robot->state().streams_made, made + 1);
+  EXPECT_GE(robot->state().streams_made, made + 1) << "twice where the broker delivers nothing of the new one";
   EXPECT_GT(edge->state().consumers_made, 2U);
 }
 

@@ -94,6 +94,7 @@ void allow(transport::BrokerUser& user, const std::string& wire, const std::stri
     const std::string api = stream == in ? in_api : "$JS.API.";
     may(api + "STREAM.INFO." + stream);
     may(api + "STREAM.PURGE." + stream);
+    if (stream == in) may(api + "STREAM.DELETE." + stream);
     if (in_domain.empty() ? !accepts : stream == in) continue;
     may(api + "STREAM.CREATE." + stream);
     may(api + "STREAM.UPDATE." + stream);

@@ -17,8 +17,10 @@ constexpr double kPull_s = 4.0,
 constexpr double kLeastAsk_s = 0.05, kMostAsk_s = 1.0;
 constexpr double kPurge_s = 1.0, kFull_s = 5.0, kTick_s = 0.2, kLeastEnsure_s = 0.2, kMostEnsure_s = 5.0;
 // What was deleted is made again so much later: where it was made while a broker (2.9) was still at deleting, its
-// consumers never delivered anything.
+// consumers never delivered anything. Of a busy broker that happens later as well: what has messages, and delivers none
+// of them to so many requests in a row, is deleted, which does help.
 constexpr double kDeletion_s = 1.0;
+constexpr int kMostSilent = 2;
 constexpr std::int64_t kMostUnacknowledged = 8192;  // parts: more than the longest message has
 
 std::string stream_name(const NatsRoute& route, std::size_t priority) {
@@ -140,6 +142,17 @@ void NatsChannel::State::on_state_in(std::size_t priority, const std::optional<C
   Incoming& one = in[priority];
   {
     const std::lock_guard lock(mutex);
+    const bool is_silent =
+        state->waiting > 0 && state->delivered == state->acknowledged && now_s() - one.delivered_s > kPull_s;
+    one.times_silent = is_silent ? one.times_silent + 1 : 0;
+    if (one.times_silent == kMostSilent) {
+      log(LogLevel::warning, "stream '" + one.stream.options().name +
+                                 "' delivers nothing of what it has: deleted, so that its sender makes it again");
+      one.times_silent = 0;
+      one.is_sure = false;
+      found_gone();
+      return one.stream.remove();
+    }
     // The broker may not have seen the last ones yet.
     if (state->acknowledged < state->delivered) one.has_new_acknowledged = true;
     if (std::exchange(one.purged, state->acknowledged) == state->acknowledged) return;
@@ -159,11 +172,15 @@ void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& me
       if (message.status == 409 || message.status == 503) {  // the consumer may be gone
         one.is_sure = false;
         found_gone();
+      } else if (now_s() - one.delivered_s > kPull_s) {
+        one.asks_why_silent = true;
       }
       return;
     }
     if (one.asked_for > 0) --one.asked_for;
     one.bytes_since_purge += message.bytes.size();
+    one.delivered_s = now_s();
+    one.times_silent = 0;
     const bool was_closed = receiver.is_closed();
     receiver.add(priority, message.bytes, message.reply, now_s());
     received_at_s = now_s();
@@ -259,8 +276,11 @@ void NatsChannel::State::ensure() {
       if (!out[priority].is_sure) streams.push_back(priority);
       if (!in[priority].is_sure && !is_closed()) consumers.push_back(priority);
     }
+    if (streams.empty() && consumers.empty()) {
+      gone_s = kLongAgo_s;  // what is deleted from now on is deleted anew
+      return;
+    }
   }
-  if (streams.empty() && consumers.empty()) return;
   ensure_streams(streams);
   ensure_consumers(consumers);
   const std::lock_guard lock(mutex);
@@ -268,6 +288,7 @@ void NatsChannel::State::ensure() {
   const bool all = std::all_of(out.begin(), out.end(), [](const Outgoing& one) { return one.is_sure; }) &&
                    std::all_of(in.begin(), in.end(), [](const Incoming& one) { return one.is_sure; });
   if (all) {
+    gone_s = kLongAgo_s;
     shown.trouble.clear();
     last_trouble.clear();
   }
@@ -382,7 +403,8 @@ void NatsChannel::State::ask_states() {
       // A stream of which an eighth can be taken away is not left to fill up.
       const bool is_much = got.bytes_since_purge > options.in.stream_bytes / 8;
       asks_in = got.has_new_acknowledged && now_s() - got.purged_s > (is_much ? kLeastAsk_s : kPurge_s);
-      if (asks_in) {
+      if (asks_in || std::exchange(got.asks_why_silent, false)) {
+        asks_in = true;
         got.bytes_since_purge = 0;
         got.purged_s = now_s();
         got.has_new_acknowledged = false;

@@ -40,7 +40,9 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
     std::unique_ptr<NatsInbox> inbox;
     bool is_sure = false, was_sure = false, is_to_restart = true;
     int asked_for = 0;  // messages that the broker may still deliver
-    double asked_until_s = 0.0, purged_s = 0.0;
+    double asked_until_s = 0.0, delivered_s = 0.0, purged_s = 0.0;
+    bool asks_why_silent = false;  // a request brought nothing
+    int times_silent = 0;          // in a row, although there are messages
     bool has_new_acknowledged = false;
     std::uint64_t purged = 0;             // up to there
     std::uint64_t bytes_since_purge = 0;  // delivered
@@ -92,7 +94,8 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
   std::uint64_t generation = 0;
   std::string last_trouble;
   int times_troubled = 0;
-  double gone_s = -1e9;  // when the broker first said that a stream or consumer was gone
+  static constexpr double kLongAgo_s = -1e9;
+  double gone_s = kLongAgo_s;  // when the broker first said that a stream or consumer was gone
   double ensured_s = -1e9, ensure_every_s = 0.0, kept_s = 0.0, ticked_s = 0.0;
 };
 

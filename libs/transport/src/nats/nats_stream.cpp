@@ -137,6 +137,8 @@ void NatsStream::purge(const std::string& subject, std::uint64_t before) const {
   connection_->publish(api_of(options_.domain, "STREAM.PURGE." + options_.name), request.dump());
 }
 
+void NatsStream::remove() const { connection_->publish(api_of(options_.domain, "STREAM.DELETE." + options_.name), ""); }
+
 Publication NatsStream::publish(const std::string& subject, std::string_view bytes, const std::string& message_id,
                                 milliseconds patience) const {
   const auto answer = connection_->request(subject, bytes, patience, message_id);

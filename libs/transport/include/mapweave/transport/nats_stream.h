@@ -46,6 +46,7 @@ class NatsStream {
   std::optional<StreamState> state(std::chrono::milliseconds patience) const;
   // Takes away what was kept of a subject before a number.
   void purge(const std::string& subject, std::uint64_t before) const;
+  void remove() const;  // with all that is in it
   // Confirmed once it is on the broker's disk cache; of a broker that is killed, large messages may be missing
   // (wire_envelope.h), so that only the receiver's word counts. Throws Error(kMissing) where no answer came.
   Publication publish(const std::string& subject, std::string_view bytes, const std::string& message_id,
