@@ -1,6 +1,5 @@
 #include "requests_server.h"
 
-#include "initial_pose.h"
 #include "ros_messages.h"
 #include "ros_names.h"
 
@@ -22,14 +21,35 @@ std::string joined_names(const std::vector<RobotId>& robots, const std::string& 
   return names;
 }
 
-// Standard deviations of a pose, where it has them.
-void take_covariance(const geometry_msgs::PoseWithCovarianceStamped& pose, GivenPose& given) {
-  constexpr std::size_t kXX = 0, kYY = 7, kYawYaw = 35;
+// With standard deviations where they are given.
+GivenPose given_pose(const RobotId& robot, const Pose2& pose, double sigma_m, double sigma_rad) {
   constexpr double kMost_m = 100.0, kMost_rad = 3.0;
-  const double position = std::sqrt(std::max(pose.pose.covariance[kXX], pose.pose.covariance[kYY])),
-               yaw = std::sqrt(pose.pose.covariance[kYawYaw]);
-  if (position > 0.0) given.sigma_m = std::min(position, kMost_m);
-  if (yaw > 0.0) given.sigma_rad = std::min(yaw, kMost_rad);
+  GivenPose given{robot, pose};
+  if (sigma_m > 0.0) given.sigma_m = std::min(sigma_m, kMost_m);
+  if (sigma_rad > 0.0) given.sigma_rad = std::min(sigma_rad, kMost_rad);
+  return given;
+}
+
+void expect_robot(const runtime::RunPlan& plan, const std::string& name) {
+  if (std::none_of(plan.robots.begin(), plan.robots.end(),
+                   [&](const runtime::PlannedRobot& robot) { return robot.id.str() == name; }))
+    throw Error(ErrorCode::kBadInput, "there is no robot '" + name + "'", {}, "name a robot of the team");
+}
+
+[[noreturn]] void throw_no_pose() {
+  throw Error(ErrorCode::kBadInput, "is no pose", {}, "give finite numbers and a rotation");
+}
+
+GivenPose given_pose(const RobotId& robot, const geometry_msgs::PoseWithCovarianceStamped& pose) {
+  constexpr std::size_t kXX = 0, kYY = 7, kYawYaw = 35;
+  const auto where = pose_of(pose.pose.pose);
+  if (!where) throw_no_pose();
+  const std::string frame = pose.header.frame_id;
+  if (!frame.empty() && frame != "team" && frame != "/team")
+    throw Error(ErrorCode::kBadInput, "is in frame '" + frame + "'", {}, "give it in frame 'team'");
+  const auto& covariance = pose.pose.covariance;
+  return given_pose(robot, planar(*where), std::sqrt(std::max(covariance[kXX], covariance[kYY])),
+                    std::sqrt(covariance[kYawYaw]));
 }
 
 }  // namespace
@@ -56,7 +76,6 @@ RequestsServer::RequestsServer(RosNode& node, const Team& team, std::filesystem:
   }
   publisher_ = node.handle().advertise<std_msgs::String>(kRequests, 1, true);
   answers_ = node.handle().advertise<rosgraph_msgs::Log>("/rosout", kQueue);
-  using Pose = geometry_msgs::PoseWithCovarianceStamped;
   for (const runtime::PlannedRobot& robot : team_.plan.robots) {
     const std::string name = RosNames({robot.id.str()}).of(robot.id.str());
     poses_.push_back(node.handle().subscribe<Pose>(
@@ -68,6 +87,7 @@ RequestsServer::RequestsServer(RosNode& node, const Team& team, std::filesystem:
   message.data = encode(requests_);
   publisher_.publish(message);
   node.serve("cloud/undo_join", &RequestsServer::undo_join, this);
+  node.serve("cloud/set_initial_pose", &RequestsServer::set_initial_pose, this);
 }
 
 // Under mutex_. Throws where it is too late.
@@ -85,10 +105,7 @@ void RequestsServer::apply(runtime::LiveRequests requests) {
 bool RequestsServer::undo_join(mapweave_msgs::UndoJoin::Request& request, mapweave_msgs::UndoJoin::Response& response) {
   const std::lock_guard lock(mutex_);
   try {
-    for (const std::string& name : {request.a, request.b})
-      if (std::none_of(team_.plan.robots.begin(), team_.plan.robots.end(),
-                       [&](const runtime::PlannedRobot& robot) { return robot.id.str() == name; }))
-        throw Error(ErrorCode::kBadInput, "there is no robot '" + name + "'", {}, "name two robots of the team");
+    for (const std::string& name : {request.a, request.b}) expect_robot(team_.plan, name);
     if (request.a == request.b) throw Error(ErrorCode::kBadInput, "they are one robot", {}, "name two robots");
     runtime::LiveRequests requests = requests_;
     requests.refused.insert(std::minmax(RobotId(request.a), RobotId(request.b)));
@@ -103,27 +120,28 @@ bool RequestsServer::undo_join(mapweave_msgs::UndoJoin::Request& request, mapwea
   return true;
 }
 
-void RequestsServer::take_pose(const RobotId& robot, const geometry_msgs::PoseWithCovarianceStamped& pose) {
+RequestsServer::Answer RequestsServer::take(const RobotId& robot, const std::function<GivenPose()>& given) {
   const std::lock_guard lock(mutex_);
+  Answer result;
   try {
-    const auto where = pose_of(pose.pose.pose);
-    if (!where) throw Error(ErrorCode::kBadInput, "is no pose", {}, "give finite numbers and a rotation");
-    const std::string frame = pose.header.frame_id;
-    if (!frame.empty() && frame != "team" && frame != "/team")
-      throw Error(ErrorCode::kBadInput, "is in frame '" + frame + "'", {}, "give it in frame 'team'");
-    GivenPose given{robot, planar(*where)};
-    take_covariance(pose, given);
     const auto preview = preview_();
     runtime::LiveRequests requests = requests_;
-    add_pose(given, preview != nullptr ? *preview : runtime::LivePreview(), team_.configuration, requests);
+    add_pose(given(), preview != nullptr ? *preview : runtime::LivePreview(), team_.configuration, requests);
     apply(std::move(requests));
-    answer(LogLevel::info, "robot " + robot.str() + ": its pose in the team's map was given, and counts from now on");
+    result = {true, "robot " + robot.str() + ": its pose in the team's map was given, and counts from now on"};
   } catch (const Error& error) {
-    answer(LogLevel::warning, "the pose given of robot " + robot.str() + " is left out: " + error.what());
+    result.text = "the pose given of robot " + robot.str() + " is left out: " + error.what();
   }
+  answer(result.is_taken ? LogLevel::info : LogLevel::warning, result.text);
+  return result;
 }
 
-void RequestsServer::take_pose_of_apart(const geometry_msgs::PoseWithCovarianceStamped& pose) {
+void RequestsServer::take_pose(const RobotId& robot, const Pose& pose) {
+  take(robot, [&] { return given_pose(robot, pose); });
+}
+
+// Throws Error where it is not one.
+RobotId RequestsServer::robot_apart() const {
   const auto preview = preview_();
   std::vector<RobotId> apart;
   if (preview != nullptr)
@@ -131,16 +149,42 @@ void RequestsServer::take_pose_of_apart(const geometry_msgs::PoseWithCovarianceS
       const std::vector<RobotId> robots = preview->parts[i].map.robots();
       apart.insert(apart.end(), robots.begin(), robots.end());
     }
-  if (apart.size() == 1) return take_pose(apart.front(), pose);
-  std::string why;
-  if (preview == nullptr || preview->parts.empty())
-    why = "there is no map yet";
-  else if (apart.empty())
-    why = "all robots that have a map are in the largest one; publish it on ROBOT/initialpose";
-  else
-    why = "it may be of " + joined_names(apart, " or ") + ", which are apart from the largest map; publish it on " +
-          RosNames({apart.front().str()}).of(apart.front().str()) + "/initialpose or its like";
-  answer(LogLevel::warning, "a pose on initialpose is left out: " + why);
+  if (apart.size() == 1) return apart.front();
+  if (preview == nullptr || preview->parts.empty()) throw Error(ErrorCode::kBadInput, "there is no map yet");
+  if (apart.empty())
+    throw Error(ErrorCode::kBadInput, "all robots that have a map are in the largest one", {},
+                "publish it on ROBOT/initialpose, or name the robot in cloud/set_initial_pose");
+  throw Error(ErrorCode::kBadInput,
+              "it may be of " + joined_names(apart, " or ") + ", which are apart from the largest map", {},
+              "publish it on " + RosNames({apart.front().str()}).of(apart.front().str()) +
+                  "/initialpose or its like, or name the robot in cloud/set_initial_pose");
+}
+
+void RequestsServer::take_pose_of_apart(const Pose& pose) {
+  try {
+    take_pose(robot_apart(), pose);
+  } catch (const Error& error) {
+    answer(LogLevel::warning, std::string("a pose on initialpose is left out: ") + error.what());
+  }
+}
+
+bool RequestsServer::set_initial_pose(mapweave_msgs::SetInitialPose::Request& request,
+                                      mapweave_msgs::SetInitialPose::Response& response) {
+  try {
+    if (!request.robot.empty()) expect_robot(team_.plan, request.robot);
+    const RobotId robot = request.robot.empty() ? robot_apart() : RobotId(request.robot);
+    const Answer result = take(robot, [&] {
+      for (const double number : {request.x, request.y, request.yaw, request.sigma_xy, request.sigma_yaw})
+        if (!std::isfinite(number)) throw_no_pose();
+      return given_pose(robot, {request.x, request.y, request.yaw}, request.sigma_xy, request.sigma_yaw);
+    });
+    response.success = result.is_taken ? 1 : 0;
+    response.message = result.text;
+  } catch (const Error& error) {
+    response.success = 0;
+    response.message = error.what();
+  }
+  return true;
 }
 
 // On the console, and for who listens to ROS alone.

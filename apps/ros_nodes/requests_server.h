@@ -1,12 +1,14 @@
 #pragma once
 // Services and topics by which users ask for something while a team maps.
 
+#include "initial_pose.h"
 #include "ros_node.h"
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <mapweave/core/log.h>
 #include <mapweave/runtime/live_preview.h>
 #include <mapweave/runtime/live_requests.h>
+#include <mapweave_msgs/SetInitialPose.h>
 #include <mapweave_msgs/UndoJoin.h>
 #include <rosgraph_msgs/Log.h>
 #include <std_msgs/String.h>
@@ -37,9 +39,10 @@ class EndService {
 
 // undo_join (mapweave_msgs/UndoJoin) below the tier's name: two robots' maps are never matched to each other from then
 // on. ROBOT/initialpose (geometry_msgs/PoseWithCovarianceStamped, in the team frame): where the robot is now;
-// initialpose, which RViz publishes: of the one robot whose map is not in the largest one. What comes of a request is
-// said on /rosout too. Kept in a file, so that a program that is started again knows them, and published as they are
-// (CLOUD/requests, latched JSON), for edges that are other programs.
+// initialpose, which RViz publishes: of the one robot whose map is not in the largest one; set_initial_pose
+// (mapweave_msgs/SetInitialPose): either, with an answer. What comes of a request is said on /rosout too. Kept in a
+// file, so that a program that is started again knows them, and published as they are (CLOUD/requests, latched JSON),
+// for edges that are other programs.
 class RequestsServer {
  public:
   using Preview = std::function<std::shared_ptr<const runtime::LivePreview>()>;
@@ -53,8 +56,17 @@ class RequestsServer {
 
  private:
   bool undo_join(mapweave_msgs::UndoJoin::Request& request, mapweave_msgs::UndoJoin::Response& response);
-  void take_pose(const RobotId& robot, const geometry_msgs::PoseWithCovarianceStamped& pose);
-  void take_pose_of_apart(const geometry_msgs::PoseWithCovarianceStamped& pose);
+  bool set_initial_pose(mapweave_msgs::SetInitialPose::Request& request,
+                        mapweave_msgs::SetInitialPose::Response& response);
+  using Pose = geometry_msgs::PoseWithCovarianceStamped;
+  void take_pose(const RobotId& robot, const Pose& pose);
+  void take_pose_of_apart(const Pose& pose);
+  struct Answer {
+    bool is_taken = false;
+    std::string text;
+  };
+  Answer take(const RobotId& robot, const std::function<GivenPose()>& given);
+  RobotId robot_apart() const;
   void apply(runtime::LiveRequests requests);
   void answer(LogLevel level, const std::string& text);
 

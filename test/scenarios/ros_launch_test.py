@@ -202,6 +202,8 @@ class Launch(Program):
         self.assertTrue(self.asked(self.prefix / "bin/mapweave_ros", "--version").startswith("mapweave_ros "))
         self.assertEqual(self.asked("rossrv", "show", "mapweave_msgs/UndoJoin"), "string a\nstring b\n---\nbool success\nstring message\n\n")
         self.assertEqual(self.asked(PYTHON, "-c", "from mapweave_msgs.srv import UndoJoin; print(UndoJoin._request_class.__slots__)"), "['a', 'b']\n")
+        self.assertEqual(self.asked(PYTHON, "-c", "from mapweave_msgs.srv import SetInitialPose; print(SetInitialPose._response_class.__slots__)"), "['success', 'message']\n")
+        self.assertIn("float64 sigma_yaw", self.asked("rossrv", "show", "mapweave_msgs/SetInitialPose"))
         for package in ("mapweave", "mapweave_msgs"):
             self.assertIn(f"{package} ", self.asked(PYTHON, "-c", f"from catkin_pkg.package import parse_package as parse\nparsed = parse('{share.parent / package}')\n"
                                                                   "print(parsed.name, parsed.version)"))

@@ -128,12 +128,26 @@ live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
         self.assertIn("no robot 'tb9'", self.call("/cloud/undo_join", "mapweave_msgs/UndoJoin", "'tb0', 'tb9'"))
         self.give_pose("/tb1/initialpose", 1.0, 0.0, 0.0)
         self.await_word(node, "its pose in the team's map was given")
+        self.assert_poses_are_answered()
         self.assertIn("success: True", self.call("/cloud/undo_join", "mapweave_msgs/UndoJoin", "'tb0', 'tb1'"))
         self.await_word(player, "ended")
         self.assertIn("success: True", self.call("/team/finish", "std_srvs/Trigger"))
         node.wait(120 * support.PATIENCE)
         self.assertEqual(node.returncode, support.APART, node.log.read_text())
         self.assertEqual(self.read_json("maps/merges.json")[0]["decision"], "refused")
+
+    def set_pose(self, *numbers):
+        return self.call("/cloud/set_initial_pose", "mapweave_msgs/SetInitialPose", ", ".join(str(number) for number in numbers))
+
+    def assert_poses_are_answered(self):
+        answer = self.set_pose("'tb1'", 1.0, 0.0, 0.0, 0.5, 0.1)
+        self.assertIn("success: True", answer)
+        self.assertIn("its pose in the team's map was given", answer)
+        for numbers, why in ((("'tb9'", 1.0, 0.0, 0.0, 0.0, 0.0), "no robot 'tb9'"), (("'tb1'", "float('nan')", 0.0, 0.0, 0.0, 0.0), "is no pose"),
+                             (("''", 1.0, 0.0, 0.0, 0.0, 0.0), "all robots that have a map are in the largest one")):
+            answer = self.set_pose(*numbers)
+            self.assertIn("success: False", answer)
+            self.assertIn(why, answer)
 
     def test_a_pose_from_rviz_is_a_prior_of_the_robot_that_is_apart(self):
         drives_apart = corridor_drive("tb0", 14.0, 1.2, 0.0, 50) + corridor_drive("tb1", 15.2, 1.3, 0.02, 40)
