@@ -7,11 +7,13 @@
 
 namespace mapweave::test {
 
-inline fusion::FusionResult fused(std::vector<Map> maps) {
+inline fusion::FusionResult fused(std::vector<Map> maps, std::vector<fusion::MapPrior> priors = {}) {
   WorkerPool pool(1);
   fusion::Memo memo;
   const auto progress = make_silent_progress();
-  return fusion::fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
+  fusion::FusionInput input{std::move(maps), {}, TierId("cloud")};
+  input.priors = std::move(priors);
+  return fusion::fuse(input, {}, memo, pool, *progress);
 }
 
 }  // namespace mapweave::test

@@ -59,10 +59,30 @@ TEST(SelfRepetition, is_seen_of_one_room_and_of_many) {
 
 WallAgreement agreement_of(double distinctive_m, double contradicted_m, double unclear_m) {
   WallAgreement result = walls(140.0, contradicted_m);
-  result.distinctive_m = distinctive_m;
+  result.distinctive_m = result.unique_m = distinctive_m;
   result.unclear_m = unclear_m;
   result.overlap = 0.9;
+  result.observability = 0.5;
   return result;
+}
+
+TEST(WeighedWalls, count_no_more_than_faces_along_each_direction) {
+  WallAgreement corridor = agreement_of(35.0, 0.0, 0.0);
+  EXPECT_EQ(weighed(corridor).unique_m, 35.0);
+  corridor.observability = 0.1;
+  EXPECT_DOUBLE_EQ(weighed(corridor).unique_m, 14.0) << "ends of walls that slide along themselves do not count";
+  corridor.overlap = 0.25;
+  EXPECT_DOUBLE_EQ(weighed(corridor).unique_m, 21.0) << "where maps lie beside each other, chance counts already";
+}
+
+TEST(WeighedWalls, count_what_repeats_only_where_a_prior_says_which_place_it_is) {
+  WallAgreement hotel = agreement_of(35.0, 0.0, 0.0);
+  hotel.unique_m = 3.0;
+  hotel.observability = 0.1;
+  EXPECT_DOUBLE_EQ(weighed(hotel).unique_m, 3.0);
+  EXPECT_LT(log_odds_of(hotel), 0.0);
+  hotel.is_placed = true;
+  EXPECT_EQ(weighed(hotel).unique_m, 35.0);
 }
 
 // Figures of simulated hotels whose robots were in different rooms.

@@ -75,9 +75,9 @@ TEST(Verdict, that_rests_on_what_repeats_is_ambiguous_and_names_each_judgement_o
 
 TEST(Verdict, of_lasers_is_open_while_more_walls_speak_for_a_merge_than_against_it) {
   const FusionOptions options;
-  const auto doubted = [&](const LaserDoubt& doubt, double distinctive_m, double contradicted_m) {
+  const auto doubted = [&](LaserDoubt doubt, double unique_m, double contradicted_m) {
+    doubt.unique_m = unique_m;
     WallAgreement walls;
-    walls.distinctive_m = distinctive_m;
     walls.contradicted_m = contradicted_m;
     Verdict verdict = pair_of("laser");
     doubt_by_lasers(verdict, doubt, walls, options);

@@ -43,6 +43,9 @@ TEST_F(WallAgreementOfTwoRobots, is_the_same_from_either_side) {
   EXPECT_NEAR(one.contradicted_m, other.contradicted_m, 1e-6);
   EXPECT_NEAR(one.distinctive_m, other.distinctive_m, 1e-6);
   EXPECT_NEAR(one.overlap, other.overlap, 1e-9);
+  EXPECT_NEAR(one.unique_m, other.unique_m, 1e-6);
+  EXPECT_FALSE(one.repeats) << "rooms of an apartment differ";
+  EXPECT_GT(one.unique_m, 20.0);
 }
 
 TEST_F(WallAgreementOfTwoRobots, falls_and_is_contradicted_where_one_lies_a_metre_aside) {
@@ -127,6 +130,35 @@ TEST_F(WallAgreementInACorridor, that_lies_aside_would_lie_better_across_it_not_
       EXPECT_NEAR(x * across_y - y * across_x, 0.0, 0.5);
     }
   }
+}
+
+class WallAgreementOfRoomsThatAreAlike : public WallAgreementOfTwoRobots {
+ protected:
+  WallAgreementOfRoomsThatAreAlike() : WallAgreementOfTwoRobots(make_hotel_team()) {}
+  static simulation::SimulatedTeam make_hotel_team() {
+    simulation::RoomRowOptions hotel;
+    hotel.rooms = kRooms;
+    hotel.furniture = 2;
+    simulation::TeamOptions options;
+    options.robots = 2;
+    options.shared = 0.0;
+    return simulation::make_repeated_rooms(hotel, options);
+  }
+  static constexpr int kRooms = 8;
+};
+
+// Each robot was in rooms of its own; those of one are laid on those of the other.
+TEST_F(WallAgreementOfRoomsThatAreAlike, are_found_to_repeat_from_either_side) {
+  Pose2 wrong = team_.robots[1].steps.front().world_from_robot;
+  wrong.x -= 0.5 * kRooms * simulation::RoomRowOptions{}.room_width_m;
+  const auto a = one_.at({}, 0), b = other_at(between(team_.robots[0].steps.front().world_from_robot, wrong));
+  const WallAgreement one = wall_agreement(a, 200.0, b, 200.0, sight_of_);
+  EXPECT_GT(one.share(), 0.9);
+  EXPECT_TRUE(one.repeats);
+  EXPECT_LT(one.unique_m, 0.05 * one.coinciding_m);
+  const WallAgreement other = wall_agreement(b, 200.0, a, 200.0, sight_of_);
+  EXPECT_TRUE(other.repeats);
+  EXPECT_NEAR(one.unique_m, other.unique_m, 1e-6);
 }
 
 TEST(TeamAudit, takes_furniture_that_moved_for_no_ghost) {

@@ -32,8 +32,8 @@ const fs::path& results() {
 }
 
 struct MergeTest : testing::Test {
-  Report merge(const std::vector<fs::path>& maps, const std::string& out = "out") {
-    return run_merge(configuration, maps, {folder / out, false}, pool, *progress);
+  Report merge(const std::vector<fs::path>& maps, const std::string& out = "out", const MergeRequests& requests = {}) {
+    return run_merge(configuration, maps, {folder / out, false, requests}, pool, *progress);
   }
   test::TemporaryFolder folder;
   RunConfiguration configuration;
@@ -60,7 +60,9 @@ TEST_F(MergeTest, that_would_show_walls_twice_is_taken_apart_with_places_a_pictu
     paths.push_back(folder / (map.id.str() + ".mwdb"));
     mapdb::write_store(paths.back(), stored);
   }
-  const Report report = merge({paths[0], paths[1]});
+  MergeRequests requests;  // a prior that is right, and lifts the doubt that rooms of the flat look alike
+  requests.anchors = {{"robot0", "robot1", team.first_from_second}};
+  const Report report = merge({paths[0], paths[1]}, "out", requests);
   EXPECT_EQ(report.exit_code(), ExitCode::stayed_apart);
   EXPECT_TRUE(fs::exists(folder / "out/team-1/conflicts.png"));
   const auto merges = nlohmann::json::parse(read_file(folder / "out/merges.json"));

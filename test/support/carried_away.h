@@ -36,8 +36,9 @@ inline Map carried_away(simulation::SimulatedRobot carried, double x_m, const si
 struct CarriedAway {
   static constexpr double kWest_m = 18.0, kWrongFrom_m = 34.0;
   std::vector<Map> maps;
-  Map before;              // of robot1
-  Pose2 world_from_first;  // where robot0's map frame lies
+  Map before;               // of robot1
+  Pose2 world_from_first;   // where robot0's map frame lies
+  Pose2 first_from_second;  // robot1's in it
 
   CarriedAway() {
     simulation::ApartmentOptions flat, elsewhere;
@@ -57,6 +58,7 @@ struct CarriedAway {
             truth_map(in_west(2), team.laser)};
     before = truth_map(in_west(1), team.laser);
     world_from_first = team.robots[0].steps.front().world_from_robot;
+    first_from_second = between(world_from_first, team.robots[1].steps.front().world_from_robot);
   }
 };
 

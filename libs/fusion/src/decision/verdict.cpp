@@ -97,9 +97,9 @@ void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreem
   verdict.overlap = walls.overlap;
   if (doubt.has_other_widths)
     refuse(verdict, Reason::other_widths);
-  else if (doubt.log_odds > 0.0)
+  else if (doubt.log_odds > 0.0 || doubt.repeats)
     leave_open(verdict, doubt.repeats || doubt.rival > options.max_rival ? Reason::ambiguous : Reason::little_evidence);
-  else if (walls.contradicted_m * kContradictionWeight < walls.distinctive_m)
+  else if (walls.contradicted_m * kContradictionWeight < doubt.unique_m)
     leave_open(verdict, Reason::little_evidence);
   else
     refuse(verdict, Reason::contradiction);

@@ -49,6 +49,7 @@ struct LaserDoubt {
   double rival = 0.0;             // probability of the second best hypothesis over that of the best
   bool repeats = false;           // what fits looks like other places of the same maps
   bool has_other_widths = false;  // more would speak for it than against it, were rooms as wide in both maps
+  double unique_m = 0.0;          // wall that speaks for it
 };
 void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreement& walls,
                      const FusionOptions& options);

@@ -27,7 +27,8 @@ PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const Prepar
 // What the log odds of a merge are the sum of: what fits nowhere around, less what is seen through and what is unclear
 // (each by its weight, wall_weights.h), less what would fit by chance. Metres.
 struct WeighedWalls {
-  double distinctive_m = 0.0, unclear_m = 0.0;  // that count
+  double unique_m = 0.0;                        // that fit nowhere around, nor as far as walls repeat or slide
+  double distinctive_m = 0.0, unclear_m = 0.0;  // that count: of unique_m, less where rooms have other widths
   double by_chance_m = 0.0;
   double sum_m = 0.0;
   double log_odds = 0.0;  // the sum, within kSurestLogOdds

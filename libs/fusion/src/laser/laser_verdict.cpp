@@ -24,6 +24,11 @@ constexpr double kByChance_m = 5.0, kByChanceBeside_m = 5.0, kByChanceShare = 0.
 // Where one map covers the other, walls that the other saw only in part are doubtful as well; where they overlap less,
 // its view just ends there.
 constexpr double kPartlyOverlap = 0.35;
+// Below it, ends of walls that slide along themselves count as well, up to as much as walls that face along them:
+// more is taken for chance there.
+constexpr double kEndsOverlap = 0.5;
+// Observability of corridors and aisles. Where more walls face along each direction, ends are corners.
+constexpr double kCorridor = 0.1;
 
 Eigen::Vector2d placed_by(const Pose2& pose, const Eigen::Vector2d& place) {
   const double c = std::cos(pose.phi), s = std::sin(pose.phi);
@@ -115,7 +120,12 @@ WeighedWalls weighed(const WallAgreement& walls) {
   const double covered = std::clamp((walls.overlap - kPartlyOverlap) / (kWholeOverlap - kPartlyOverlap), 0.0, 1.0);
   result.unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
   const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * result.unclear_m;
-  result.distinctive_m = counted_share(walls.wider_m) * walls.distinctive_m;
+  // Walls that slide along themselves do not say where along them the maps lie.
+  const double with_ends = 1.0 + std::max(0.0, 1.0 - walls.overlap / kEndsOverlap);
+  const double along_both = std::pow(std::max(1.0, walls.observability / kCorridor), 2);
+  const double most_m = with_ends * along_both * walls.observability * walls.coinciding_m;
+  result.unique_m = walls.is_placed ? walls.distinctive_m : std::min(walls.unique_m, most_m);
+  result.distinctive_m = counted_share(walls.wider_m) * result.unique_m;
   result.sum_m = result.distinctive_m - against_m - result.by_chance_m;
   result.log_odds = std::clamp(kPerMetre * result.sum_m, -kSurestLogOdds, kSurestLogOdds);
   return result;
@@ -124,7 +134,7 @@ WeighedWalls weighed(const WallAgreement& walls) {
 bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere,
                     double enough) {
   const WeighedWalls walls = weighed(here);
-  return log_odds_elsewhere >= enough || walls.sum_m + walls.by_chance_m - elsewhere.distinctive_m < enough;
+  return log_odds_elsewhere >= enough || walls.sum_m + walls.by_chance_m - weighed(elsewhere).unique_m < enough;
 }
 
 double log_odds_of(const WallAgreement& walls) { return weighed(walls).log_odds; }
@@ -228,9 +238,16 @@ std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verd
     WallAgreement as_wide = best.walls;
     as_wide.wider_m = 0.0;
     const bool has_other_widths = best.log_odds <= 0.0 && weighed(as_wide).sum_m > 0.0;
-    doubt_by_lasers(verdict,
-                    {best.log_odds, evaluation.probability, evaluation.rival, evaluation.repeats, has_other_widths},
-                    best.walls, options_);
+    // Ambiguous as well where it would be merged if a prior said which of the places that look alike it is.
+    const WeighedWalls weights = weighed(best.walls);
+    WallAgreement as_placed = best.walls;
+    as_placed.is_placed = true;
+    const bool looks_alike = (best.walls.repeats && fit_of(best.walls) > 0.0) ||
+                             (weights.unique_m <= weights.by_chance_m && weighed(as_placed).sum_m > 0.0);
+    const bool repeats = evaluation.repeats || (best.log_odds <= 0.0 && !best.walls.is_placed && looks_alike);
+    doubt_by_lasers(
+        verdict, {best.log_odds, evaluation.probability, evaluation.rival, repeats, has_other_widths, weights.unique_m},
+        best.walls, options_);
     std::vector<SubmapMatch> matches;
     for (const SubmapMatch& match : best.matches)
       if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b))

@@ -134,6 +134,8 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
   const std::size_t first = lowest_fingerprint(sides[1]) < lowest_fingerprint(sides[0]) ? 1 : 0;
   const double wider_m = compare_widths(sides[first], sides[1 - first]).certain_m();
   walls.wider_m = first == 0 ? wider_m : 0.0 - wider_m;
+  // A prior tells places apart that look alike.
+  walls.is_placed = priors_.log_odds(solved, a, b) >= kPriorDistinguishes;
   return walls;
 }
 

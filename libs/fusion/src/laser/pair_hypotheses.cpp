@@ -49,11 +49,11 @@ PairHypothesis LaserMerger::hypothesis_of(std::size_t a, std::size_t b, const So
   a_from_b = {a_from_b.x / scale_a, a_from_b.y / scale_a, a_from_b.phi};
   hypothesis.a_from_b = {spatial(a_from_b), grids_.scale(b) / scale_a};
   hypothesis.coinciding_m = walls.coinciding_m;
-  hypothesis.distinctive_m = walls.distinctive_m;
   hypothesis.contradicted_m = walls.contradicted_m;
   hypothesis.unclear_m = walls.unclear_m;
   hypothesis.wider_m = walls.wider_m;
   const WeighedWalls weights = weighed(walls);
+  hypothesis.distinctive_m = weights.unique_m;
   hypothesis.counted_unclear_m = weights.unclear_m;
   hypothesis.by_chance_m = weights.by_chance_m;
   hypothesis.overlap = walls.overlap;

@@ -30,11 +30,14 @@ struct WallAgreement {
   double unclear_m = 0.0;       // the other looked there, and saw neither a wall nor clearly through
   double in_part_m = 0.0;       // of these, where the other did not see all around
   double overlap = 0.0;         // share of the smaller side's walls that lie where the other looked
-  // Coinciding here, above the most that would where one side is shifted by 0.75 to 4 m; of the fullest regions. Where
-  // the overlap is small, also above the most that would if one side were its mirror image: a place that is its own
-  // mirror image is recognised by what lies around it.
+  // Coinciding here, above the most that would where one side is shifted by 0.75 to 6 m; of the fullest regions
+  // (distinctive_walls.h). Where the overlap is small, also above the most that would if one side were its mirror
+  // image: a place that is its own mirror image is recognised by what lies around it.
   double distinctive_m = 0.0;
-  double wider_m = 0.0;        // rooms of b are at least so much wider, negative: narrower (room_widths.h)
+  double unique_m = 0.0;   // of these, what is not taken to coincide at the next rooms, where walls repeat themselves
+  bool repeats = false;    // nearly nothing is left of them so
+  bool is_placed = false;  // a prior says where they lie: what repeats itself, or slides along itself, counts as well
+  double wider_m = 0.0;    // rooms of b are at least so much wider, negative: narrower (room_widths.h)
   double observability = 0.0;  // of the worse direction, 0 to 0.5: share of coinciding walls that face along it
   std::vector<Contradiction> contradictions;  // longest first; those over 0.6 m
   double share() const { return coinciding_m / std::max(1e-9, coinciding_m + contradicted_m + unclear_m); }
