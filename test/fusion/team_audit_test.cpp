@@ -51,5 +51,13 @@ TEST(TeamAudit, leaves_the_same_robots_together_before_one_was_carried_away) {
   for (const PairAudit& audit : result.audits) EXPECT_FALSE(audit.is_ghost);
 }
 
+TEST(TeamAudit, finds_a_ghost_amid_much_that_is_right) {
+  const test::CarriedAway late(30.0);
+  const FusionResult result =
+      fused({late.maps[0], late.maps[1]}, {{MapId("robot0"), MapId("robot1"), late.first_from_second, 0.5, 0.1}});
+  EXPECT_EQ(result.components.size(), 2U);
+  expect_ghosts_where_it_is_wrong(result);
+}
+
 }  // namespace
 }  // namespace mapweave::fusion

@@ -98,6 +98,51 @@ TEST_F(WallAgreementOfTwoRobots, says_how_a_map_that_lies_aside_would_lie_better
               }).empty());
 }
 
+class WallAgreementInALongFlat : public WallAgreementOfTwoRobots {
+ protected:
+  WallAgreementInALongFlat() : WallAgreementOfTwoRobots(make_long_flat()) {}
+  static simulation::SimulatedTeam make_long_flat() {
+    simulation::ApartmentOptions flat;
+    flat.width_m = 50.0;
+    flat.height_m = 12.0;
+    simulation::TeamOptions options;
+    options.robots = 2;
+    options.shared = 1.0;
+    return simulation::make_apartment(flat, options);
+  }
+};
+
+// A few metres of one map, in the middle of regions that lie where they should.
+TEST_F(WallAgreementInALongFlat, finds_what_lies_aside_in_a_small_part_and_where_it_would_lie_better) {
+  const auto any = [](std::size_t, std::size_t) { return true; };
+  const Pose2 world_from_one = team_.robots[0].steps.front().world_from_robot, aside{0.9, -0.9, 0.0};
+  std::vector<PlacedSubmap> one;
+  for (PlacedSubmap submap : one_.at({}, 0)) {
+    const double world_x_m = compose(world_from_one, Pose2{submap.x_m, submap.y_m, 0.0}).x;
+    if (std::abs(world_x_m - 25.0) < 3.0) {
+      submap.team_from_submap = compose(aside, submap.team_from_submap);
+      submap.x_m += aside.x;
+      submap.y_m += aside.y;
+    } else if (std::abs(world_x_m - 25.0) < 8.0) {
+      continue;  // what shows the same walls where they should be
+    }
+    one.push_back(submap);
+  }
+  const auto other = other_at(one_from_other());
+  std::size_t in_small = 0, near = 0;
+  for (const BentRegion& region : bent_regions({one, other}, sight_of_, any)) {
+    const Pose2 left = compose(compose(region.moved, aside), Pose2{region.x_m, region.y_m, 0.0});
+    near += std::hypot(left.x - region.x_m, left.y - region.y_m) < 0.3;
+  }
+  for (const RegionAgreement& region : compare_by_region({one, other}, sight_of_)) {
+    const RegionAgreement small = region.in(region.most_doubted);
+    EXPECT_LE(in_doubt_m(small), in_doubt_m(region) + 1e-6);
+    in_small += small.contradicted_m > 6.0;
+  }
+  EXPECT_GT(near, 0U);
+  EXPECT_GT(in_small, 0U);
+}
+
 class WallAgreementInACorridor : public WallAgreementOfTwoRobots {
  protected:
   WallAgreementInACorridor() : WallAgreementOfTwoRobots(make_corridor_team()) {}
@@ -186,7 +231,7 @@ TEST_F(WallAgreementOfTwoRobots, holds_what_is_in_doubt_against_the_walls_around
         compare_by_region({one_.at(frame, 0), other_at(compose(frame, compose(one_from_other(), aside)))}, sight_of_);
     RegionAgreement most;
     for (const RegionAgreement& region : regions) {
-      const RegionAgreement around = region.centred();
+      const RegionAgreement around = region.in(region.centred);
       EXPECT_LE(std::abs(around.x_m - region.x_m), 0.5 * RegionAgreement::kSide_m + 1.0) << "its middle is in it";
       EXPECT_LE(std::abs(around.y_m - region.y_m), 0.5 * RegionAgreement::kSide_m + 1.0);
       if (in_doubt_m(around) > in_doubt_m(most)) most = around;

@@ -32,7 +32,7 @@ inline Map carried_away(simulation::SimulatedRobot carried, double x_m, const si
 }
 
 // Three robots of a flat that is 50 m long: "robot0" was everywhere, "robot2" in the west alone; "robot1", too, and its
-// map shows another building in the east.
+// map shows another building in the east. `west_m`: how far the west goes.
 struct CarriedAway {
   static constexpr double kWest_m = 18.0, kWrongFrom_m = 34.0;
   std::vector<Map> maps;
@@ -40,7 +40,7 @@ struct CarriedAway {
   Pose2 world_from_first;   // where robot0's map frame lies
   Pose2 first_from_second;  // robot1's in it
 
-  CarriedAway() {
+  explicit CarriedAway(double west_m = kWest_m) {
     simulation::ApartmentOptions flat, elsewhere;
     flat.width_m = 50.0;
     flat.height_m = elsewhere.height_m = 12.0;
@@ -52,7 +52,7 @@ struct CarriedAway {
     constexpr std::size_t kSteps = 200;
     const auto team = simulation::make_apartment(flat, options);
     const auto stranger = simulation::make_apartment(elsewhere, alone);
-    const auto in_west = [&](std::size_t robot) { return until_east_of(team.robots[robot], kWest_m); };
+    const auto in_west = [&](std::size_t robot) { return until_east_of(team.robots[robot], west_m); };
     maps = {truth_map(team.robots[0], team.laser),
             carried_away(in_west(1), kWrongFrom_m, stranger.robots[0], kSteps, team.laser),
             truth_map(in_west(2), team.laser)};

@@ -11,13 +11,17 @@ namespace mapweave::fusion {
 
 class RegionTiles {
  public:
-  using Around = RegionAgreement::Around;
-  Around& at(double x_m, double y_m);  // team frame
-  // The region about the middle of what is in doubt in this one; about its own middle where nothing is.
-  Around around_doubt_of(const RegionAgreement& region) const;
+  using Square = RegionAgreement::Square;
+  Square& at(double x_m, double y_m);  // team frame
+  // As large as the region, about the middle of what is in doubt in it; about its own middle where nothing is.
+  Square around_doubt_of(const RegionAgreement& region) const;
+  // The square of kSmallSide_m within the region in which most is in doubt; of equal ones the first by rows.
+  Square most_doubted_of(const RegionAgreement& region) const;
 
  private:
-  std::map<std::pair<int, int>, Around> tiles_;  // by rows and columns
+  Square sum_about(double x_m, double y_m, double side_m) const;
+
+  std::map<std::pair<int, int>, Square> tiles_;  // by rows and columns
 };
 
 }  // namespace mapweave::fusion
