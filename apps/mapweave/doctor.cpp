@@ -222,7 +222,7 @@ Json look_at_deployment(const Arguments& arguments) {
   Json programs = Json::array();
   for (std::size_t i = 0; i < programs_there.size(); ++i)
     programs.push_back(look_at_program(programs_there[i].user, before[i], after[i], deployment.live().patience_s));
-  return {{"broker", deployment.live().broker},
+  return {{"broker", deployment.live().broker_url()},
           {"broker_ahead_seconds", std::chrono::duration<double>(ahead).count()},
           {"programs", std::move(programs)}};
 }

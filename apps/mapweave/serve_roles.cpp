@@ -4,6 +4,7 @@
 
 #include "configuration.h"
 #include "misplaced_input.h"
+#include "own_broker.h"
 #include "service_notify.h"
 
 #include <mapweave/core/error.h>
@@ -255,6 +256,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
   extension.begin(deployment, runtime::cloud_tier().str(), signals);
+  OwnBroker own_broker(deployment.loaded.configuration, *progress);
   const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
@@ -289,6 +291,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
     publisher.publish(true);
   }
   remove_journals(*journal);
+  own_broker.forget();
   return report_result(*report, arguments.flags.out, arguments.flags.json);
 }
 

@@ -179,6 +179,27 @@ class Serve(WithBroker):
         self.assert_same_map("live", "run")
         self.assertFalse((self.folder / "mapweave-store").exists(), "what was received is in the results")
 
+    def test_the_cloud_starts_a_broker_where_none_is_named_and_is_killed_with_it(self):
+        with socket.socket() as listener:
+            if listener.connect_ex(("127.0.0.1", 4222)) == 0:
+                raise unittest.SkipTest("needs port 4222, where a broker is looked for that is not named")
+        self.simulate()
+        self.mapweave("run", "logs/run.yaml", "--out", "run")
+        talk = ["--set", "live.speed=4", "--set", "live.preview_period_s=1"]
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk)
+        others = [self.start("serve", role, "logs/run.yaml", "--name", name, *talk)
+                  for role, name in (("edge", "north"), ("edge", "south"), ("robot", "alpha"), ("robot", "beta"), ("robot", "gamma"))]
+        journal = self.folder / "mapweave-store/north.mwj-wal"
+        self.wait_for(lambda: journal.exists() and journal.stat().st_size > 60000, "the edge keeps nothing")
+        cloud.send_signal(signal.SIGKILL)
+        cloud.wait()
+        self.assertTrue(all(process.poll() is None for process in others), "they wait for the broker")
+        cloud = self.start("serve", "cloud", "logs/run.yaml", "--out", "live", *talk)
+        for process in [*others[2:], cloud, *others[:2]]:
+            self.end(process)
+        self.assert_same_map("live", "run")
+        self.assertFalse((self.folder / "mapweave-store").exists(), "what was received is in the results")
+
     def test_what_standard_input_brings_is_mapped_as_it_comes(self):
         self.simulate()
         self.mapweave("run", "logs/run.yaml", "--out", "run")

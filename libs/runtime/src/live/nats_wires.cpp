@@ -213,19 +213,20 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
 NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience)
     : camera_queue_bytes_(static_cast<std::size_t>(live.map_server.queue_kb) << 10), edges_(configuration.edges) {
   transport::NatsOptions options;
-  options.url = live.broker;
+  const std::string broker = live.broker_url();
+  options.url = broker;
   if (!live.keys.empty()) {
     const ProgramKeys keys = read_program_keys(live.keys);
     options.user = keys.user;
     options.password = keys.password;
     options.ca_text = keys.authority;
     options.inbox = inbox_of(keys.user);
-  } else if (!is_on_this_machine(live.broker)) {
+  } else if (!is_on_this_machine(broker)) {
     if (!live.unprotected)
-      throw Error(ErrorCode::kBadInput, "the broker is on another machine, and this program has no keys", live.broker,
+      throw Error(ErrorCode::kBadInput, "the broker is on another machine, and this program has no keys", broker,
                   "have them made (mapweave serve keys) and name this program's in live.keys; or set "
                   "live.unprotected: true where you trust everyone who reaches the broker");
-    log(LogLevel::warning, live.broker +
+    log(LogLevel::warning, broker +
                                ": not protected (live.unprotected): whoever reaches this broker can read all maps, "
                                "and send others");
   }

@@ -52,7 +52,8 @@ struct LiveServerOptions {
 };
 
 struct LiveOptions {
-  std::string broker = "nats://127.0.0.1:4222", keys, store = "mapweave-store";
+  static constexpr int kBrokerPort = 4222;
+  std::string broker, keys, store = "mapweave-store";
   bool unprotected = false;
   double speed = 1.0;
   double preview_period_s = 5.0;
@@ -63,12 +64,15 @@ struct LiveOptions {
   int page_port = 0;
   LiveWireOptions wire;
   LiveServerOptions map_server;
+  std::string broker_url() const { return broker.empty() ? "nats://127.0.0.1:" + std::to_string(kBrokerPort) : broker; }
   std::size_t robot_buffer_bytes() const { return static_cast<std::size_t>(robot_buffer_kb) << 10; }
   std::size_t edge_queue_bytes() const { return static_cast<std::size_t>(edge_queue_kb) << 10; }
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("broker", broker,
-           "NATS server with JetStream through which robots, edges and the cloud talk (serve): nats://host:port");
+    v.text(
+        "broker", broker,
+        "NATS server with JetStream through which robots, edges and the cloud talk (serve): nats://host:port; empty: "
+        "nats://127.0.0.1:4222, where the cloud starts one unless one answers there");
     v.text("keys", keys,
            "file that `mapweave serve keys` made for this program: its user, its password and the certificate by which "
            "it knows the broker (serve); empty: none, for a broker on this machine");
