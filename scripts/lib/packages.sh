@@ -77,6 +77,22 @@ ensure_pcl_headers() {
   mv "$goal.partial" "$goal"
 }
 
+# A NATS server of today beside Debian's, for tests of both, where there is a Go that can build it; without one those tests are skipped.
+ensure_current_broker() {
+  local version=v2.12.12 folder=$root/build/packages/nats-server
+  [[ ! -x $folder/nats-server ]] || return 0
+  local go log_file=$root/build/install.log
+  go=$(command -v go || echo /usr/local/go/bin/go)
+  if ! "$go" version 2> /dev/null | grep -qE 'go(1\.(2[4-9]|[3-9][0-9])|[2-9])'; then
+    say "no Go of 1.24 or newer is here: tests with a current nats-server are skipped"
+    return 0
+  fi
+  say "building nats-server $version from its Go module into build/packages (a minute)"
+  mkdir -p "$folder"
+  GOBIN=$folder "$go" install "github.com/nats-io/nats-server/v2@$version" > "$log_file" 2>&1 ||
+    say "it cannot be built, and tests with it are skipped: $(tail -n 1 "$log_file")"
+}
+
 # All that building, testing and running needs.
 ensure_all_packages() {
   local names
