@@ -11,8 +11,7 @@ namespace {
 
 // What may have moved of a region: a share of what coincides, and both faces of a partition.
 constexpr double kMovedShare = 0.4, kMoved_m = 12.0;
-constexpr double kLookedAt_m = 2.5;    // in doubt, from which a region is laid elsewhere
-constexpr double kDoubtedShare = 0.1;  // of what coincides, from which a small square of it is, too
+constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
 
 // Whether a region is contradicted by things that moved, among walls that lie where they should.
 bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displacement) {
@@ -49,7 +48,7 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     const RegionAgreement around = region.in(region.centred), small = region.in(region.most_doubted);
     const bool is_one =
         (is_ghost(region, bounds) && is_ghost(around, bounds) && !shows_what_moved(around, displacement)) ||
-        (is_ghost_in_small(small, bounds) && (small.contradicted_m > kMoved_m || displacement.better_place(small)));
+        is_ghost_in_small(small, bounds);
     if (!is_one) continue;
     pair.ghosts_m += in_doubt_m(region);
     if (double& most = most_m[{region.a, region.b}]; in_doubt_m(region) > most) {
@@ -81,13 +80,8 @@ std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>
   RegionDisplacement displacement(maps, sight_of);
   for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
     if (in_doubt_m(region) < kLookedAt_m || !may_be_bent(region.a, region.b)) continue;
-    for (const RegionAgreement& where : {region, region.in(region.centred), region.in(region.most_doubted)}) {
-      if (where.side_m < region.side_m && in_doubt_m(where) < kDoubtedShare * where.coinciding_m) continue;
-      if (const auto moved = displacement.better_place(where)) {
-        result.push_back({region.a, region.b, where.x_m, where.y_m, *moved});
-        break;
-      }
-    }
+    if (const auto moved = displacement.better_place(region))
+      result.push_back({region.a, region.b, region.x_m, region.y_m, *moved});
   }
   return result;
 }

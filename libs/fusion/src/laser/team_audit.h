@@ -34,19 +34,17 @@ struct BentRegion {
 // (fhw); where a map lies wrongly, 0.4 to 16 times what coincides.
 struct GhostBounds {
   double length_m = 4.0, share = 0.25;
-  // The same of what is contradicted in a small square: at most 5 m and a third in right team maps of public logs, and
-  // 11 m where a partition was moved, a sixth of what coincides.
-  double small_length_m = 6.0, small_share = 0.3;
+  // The same of what is contradicted in a small square, where a car or both faces of a partition that moved may be most
+  // of what coincides: up to 12 m were seen in right team maps of public logs.
+  double small_length_m = 12.0, small_share = 0.3;
 };
 // Of a team whose scans are still to be matched again, which mends small bends.
-constexpr GhostBounds kGhostBeforeSolution{8.0, 0.5, 12.0, 0.6};
+constexpr GhostBounds kGhostBeforeSolution{8.0, 0.5, 24.0, 0.6};
 
 // Whether so much in one region is a ghost, not furniture or a door that moved.
 bool is_ghost(const RegionAgreement& region, const GhostBounds& bounds = {});
 // `walls_m`: of each map. Of two maps that are contradicted as much the one with fewer walls is taken out.
 // A ghost is one in its region and in the region around the middle of what is in doubt, or in a small square of it.
-// In a small square a car or a partition that moved is most of what coincides: there a ghost would also lie better
-// elsewhere, or is larger than these.
 // What is contradicted where no other place is better, amid more that coincides, moved: it is no ghost.
 // Pairs of which `may_show_ghosts` is false are only described.
 TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m,
