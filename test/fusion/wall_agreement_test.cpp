@@ -130,7 +130,7 @@ TEST_F(WallAgreementInALongFlat, shows_what_lies_aside_in_a_small_part) {
   const auto other = other_at(one_from_other());
   std::size_t in_small = 0;
   for (const RegionAgreement& region : compare_by_region({one, other}, sight_of_)) {
-    const RegionAgreement small = region.in(region.most_doubted);
+    const RegionAgreement::Square& small = region.most_doubted;
     EXPECT_LE(in_doubt_m(small), in_doubt_m(region) + 1e-6);
     in_small += small.contradicted_m > 12.0;
   }
@@ -225,7 +225,7 @@ TEST_F(WallAgreementOfTwoRobots, holds_what_is_in_doubt_against_the_walls_around
         compare_by_region({one_.at(frame, 0), other_at(compose(frame, compose(one_from_other(), aside)))}, sight_of_);
     RegionAgreement most;
     for (const RegionAgreement& region : regions) {
-      const RegionAgreement around = region.in(region.centred);
+      const RegionAgreement around = region.centred();
       EXPECT_LE(std::abs(around.x_m - region.x_m), 0.5 * RegionAgreement::kSide_m + 1.0) << "its middle is in it";
       EXPECT_LE(std::abs(around.y_m - region.y_m), 0.5 * RegionAgreement::kSide_m + 1.0);
       if (in_doubt_m(around) > in_doubt_m(most)) most = around;

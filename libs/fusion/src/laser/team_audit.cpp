@@ -19,7 +19,7 @@ bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displac
          !displacement.better_place(region);
 }
 
-bool is_ghost_in_small(const RegionAgreement& square, const GhostBounds& bounds) {
+bool is_ghost_in_small(const RegionAgreement::Square& square, const GhostBounds& bounds) {
   return square.contradicted_m > std::max(bounds.small_length_m, bounds.small_share * square.coinciding_m);
 }
 
@@ -45,10 +45,10 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     pair.unclear_m += region.unclear_m;
     pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
     if (!may_show_ghosts(region.a, region.b)) continue;
-    const RegionAgreement around = region.in(region.centred), small = region.in(region.most_doubted);
+    const RegionAgreement around = region.centred();
     const bool is_one =
         (is_ghost(region, bounds) && is_ghost(around, bounds) && !shows_what_moved(around, displacement)) ||
-        is_ghost_in_small(small, bounds);
+        is_ghost_in_small(region.most_doubted, bounds);
     if (!is_one) continue;
     pair.ghosts_m += in_doubt_m(region);
     if (double& most = most_m[{region.a, region.b}]; in_doubt_m(region) > most) {
