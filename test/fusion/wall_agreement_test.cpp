@@ -77,9 +77,14 @@ TEST_F(WallAgreementOfTwoRobots, leaves_the_audit_of_a_right_team_without_ghosts
 
 TEST_F(WallAgreementOfTwoRobots, says_how_a_map_that_lies_aside_would_lie_better) {
   const auto any = [](std::size_t, std::size_t) { return true; };
-  EXPECT_TRUE(bent_regions({one_.at({}, 0), other_at(one_from_other())}, sight_of_, any).empty());
+  EXPECT_TRUE(
+      bent_regions({one_.at({}, 0), other_at(one_from_other())}, sight_of_, any, PlaceSizes::all).regions.empty());
   const Pose2 aside{0.6, -0.5, 0.07};
-  const std::vector<BentRegion> bent = bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, any);
+  const BentRegions right = bent_regions({one_.at({}, 0), other_at(one_from_other())}, sight_of_, any, PlaceSizes::all);
+  const BentRegions all =
+      bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, any, PlaceSizes::all);
+  EXPECT_GT(all.in_doubt_m, right.in_doubt_m + 10.0);
+  const std::vector<BentRegion>& bent = all.regions;
   ASSERT_FALSE(bent.empty());
   double nearest_m = 1e9, nearest_rad = 1e9;
   std::size_t near = 0;
@@ -93,9 +98,10 @@ TEST_F(WallAgreementOfTwoRobots, says_how_a_map_that_lies_aside_would_lie_better
   EXPECT_GE(2 * near, bent.size()) << "where there are few walls, the place is rough";
   EXPECT_LT(nearest_m, 0.15);
   EXPECT_LT(nearest_rad, 0.02);
-  EXPECT_TRUE(bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, [](std::size_t, std::size_t) {
-                return false;
-              }).empty());
+  EXPECT_TRUE(bent_regions(
+                  {one_.at(aside, 0), other_at(one_from_other())}, sight_of_,
+                  [](std::size_t, std::size_t) { return false; }, PlaceSizes::all)
+                  .regions.empty());
 }
 
 class WallAgreementInALongFlat : public WallAgreementOfTwoRobots {
@@ -113,7 +119,8 @@ class WallAgreementInALongFlat : public WallAgreementOfTwoRobots {
 };
 
 // A few metres of one map, in the middle of regions that lie where they should.
-TEST_F(WallAgreementInALongFlat, shows_what_lies_aside_in_a_small_part) {
+TEST_F(WallAgreementInALongFlat, finds_what_lies_aside_in_a_small_part_and_where_it_would_lie_better) {
+  const auto any = [](std::size_t, std::size_t) { return true; };
   const Pose2 world_from_one = team_.robots[0].steps.front().world_from_robot, aside{0.9, -0.9, 0.0};
   std::vector<PlacedSubmap> one;
   for (PlacedSubmap submap : one_.at({}, 0)) {
@@ -128,7 +135,12 @@ TEST_F(WallAgreementInALongFlat, shows_what_lies_aside_in_a_small_part) {
     one.push_back(submap);
   }
   const auto other = other_at(one_from_other());
-  std::size_t in_small = 0;
+  std::size_t in_small = 0, near = 0;
+  for (const BentRegion& region : bent_regions({one, other}, sight_of_, any, PlaceSizes::all).regions) {
+    const Pose2 left = compose(compose(region.moved, aside), Pose2{region.x_m, region.y_m, 0.0});
+    near += std::hypot(left.x - region.x_m, left.y - region.y_m) < 0.3;
+  }
+  EXPECT_GT(near, 0U);
   for (const RegionAgreement& region : compare_by_region({one, other}, sight_of_)) {
     const RegionAgreement::Square& small = region.most_doubted;
     EXPECT_LE(in_doubt_m(small), in_doubt_m(region) + 1e-6);
@@ -158,9 +170,10 @@ TEST_F(WallAgreementInACorridor, that_lies_aside_would_lie_better_across_it_not_
   const double across_x = -std::sin(world_from_one.phi), across_y = std::cos(world_from_one.phi);
   const auto aside = one_.at({-0.5 * across_x, -0.5 * across_y, 0.0}, 0);
   const auto other = other_at(one_from_other());
+  using Maps = std::vector<std::vector<PlacedSubmap>>;
   for (const bool turned : {false, true}) {
     const std::vector<BentRegion> bent =
-        turned ? bent_regions({other, aside}, sight_of_, any) : bent_regions({aside, other}, sight_of_, any);
+        bent_regions(turned ? Maps{other, aside} : Maps{aside, other}, sight_of_, any, PlaceSizes::regions).regions;
     ASSERT_FALSE(bent.empty());
     for (const BentRegion& region : bent) {
       const Pose2 moved = compose(region.moved, Pose2{region.x_m, region.y_m, 0.0});

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 namespace mapweave::fusion {
@@ -125,21 +126,27 @@ void LaserMerger::close_loops(LaserTeam& team) {
   search();
   if (input_.is_preview) return;  // where walls stand a little apart, the next round may show more
   if (close_unexpected_loops(team, in_scope)) search();
+  // Of all rounds the one after which fewest walls are in doubt: what mends one place may break another.
   std::set<Hash> asked;
-  for (int round = 0; round < kMostMendings; ++round) {
-    const std::vector<SubmapMatch> found = matches_at_ghosts(
-        team.maps, team.solved, [](std::size_t, std::size_t) { return true; }, asked);
-    if (found.empty()) break;
-    team.matches.insert(team.matches.end(), found.begin(), found.end());
+  LaserTeam best;
+  double least_m = std::numeric_limits<double>::infinity();
+  const auto anywhere = [](std::size_t, std::size_t) { return true; };
+  for (int round = 0; round <= kMostMendings; ++round) {
+    const Mending mending = mending_of(team.maps, team.solved, anywhere, PlaceSizes::all, asked);
+    if (mending.in_doubt_m < least_m) {
+      least_m = mending.in_doubt_m;
+      best = team;
+    }
+    if (mending.matches.empty() || round == kMostMendings) break;
+    team.matches.insert(team.matches.end(), mending.matches.begin(), mending.matches.end());
     search();
   }
+  team = std::move(best);
 }
 
-// New ones, where maps would no longer show something twice. `asked`: judgements that were tried.
-std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::size_t>& maps,
-                                                        const SolvedSubmaps& solved,
-                                                        const std::function<bool(std::size_t, std::size_t)>& may_match,
-                                                        std::set<Hash>& asked) {
+LaserMerger::Mending LaserMerger::mending_of(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
+                                             const std::function<bool(std::size_t, std::size_t)>& may_match,
+                                             PlaceSizes sizes, std::set<Hash>& asked) {
   const auto placed_maps =
       placed_apart(maps, [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); });
   std::vector<const std::vector<PlacedSubmap>*> sides;
@@ -149,8 +156,9 @@ std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::s
     const std::size_t a = maps[i], b = maps[j];
     return refused_.count({a, b}) == 0 && !(grids_.is_grid(a) && grids_.is_grid(b)) && may_match(a, b);
   };
+  const BentRegions bent = bent_regions(placed_maps, sight, may_be_bent, sizes);
   std::vector<SubmapQuestion> questions;
-  for (const BentRegion& region : bent_regions(placed_maps, sight, may_be_bent)) {
+  for (const BentRegion& region : bent.regions) {
     std::vector<PlacedSubmap> there[2];
     for (const std::size_t side : {0, 1})
       for (const PlacedSubmap& submap : placed_maps[side == 0 ? region.a : region.b])
@@ -161,10 +169,10 @@ std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::s
         proposals_.of_most_shared(there[0], there[1], inverse(region.moved), kBentRadius_m, kBentYaw_rad, sight);
     questions.insert(questions.end(), some.begin(), some.end());
   }
-  std::vector<SubmapMatch> found;
+  Mending result{{}, bent.in_doubt_m};
   for (const SubmapAnswer& answer : judge_.ask(questions))
-    if (asked.insert(answer.judgement.id).second && answer.holds) found.push_back(answer.hypotheses.front());
-  return found;
+    if (asked.insert(answer.judgement.id).second && answer.holds) result.matches.push_back(answer.hypotheses.front());
+  return result;
 }
 
 std::vector<std::vector<PlacedSubmap>> LaserMerger::placed_apart(const std::vector<std::size_t>& maps,

@@ -155,9 +155,14 @@ class LaserMerger {
   LoopEvidence loop_evidence(const LaserTeam& team) const;
   std::vector<std::vector<PlacedSubmap>> placed_apart(const std::vector<std::size_t>& maps,
                                                       const PoseOfSubmap& pose_of) const;
-  std::vector<SubmapMatch> matches_at_ghosts(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
-                                             const std::function<bool(std::size_t, std::size_t)>& may_match,
-                                             std::set<Hash>& asked);
+  struct Mending {
+    std::vector<SubmapMatch> matches;  // new ones
+    double in_doubt_m = 0.0;           // before them
+  };
+  // Where maps would no longer show something twice. `asked`: judgements that were tried.
+  Mending mending_of(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
+                     const std::function<bool(std::size_t, std::size_t)>& may_match, PlaceSizes sizes,
+                     std::set<Hash>& asked);
   void split_unconnected();
   bool take_back();
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;

@@ -106,7 +106,7 @@ class Target {
 
 PlaneBox box_of(const RegionAgreement& region) {
   PlaneBox box;
-  box.add(region.x_m, region.y_m, 0.5 * RegionAgreement::kSide_m);
+  box.add(region.x_m, region.y_m, 0.5 * region.side_m);
   return box;
 }
 
@@ -244,9 +244,10 @@ const RegionDisplacement::Side& RegionDisplacement::side(std::size_t map, const 
 }
 
 std::optional<Pose2> RegionDisplacement::better_place(const RegionAgreement& region) {
-  if (region.x_m != x_m_ || region.y_m != y_m_) sides_.clear();
+  if (region.x_m != x_m_ || region.y_m != y_m_ || region.side_m != side_m_) sides_.clear();
   x_m_ = region.x_m;
   y_m_ = region.y_m;
+  side_m_ = region.side_m;
   const PlaneBox box = box_of(region);
   const Side &a = side(region.a, box), &b = side(region.b, box);
   RegionFit fit(a.submaps, a.target, b.submaps, b.target, region);

@@ -32,7 +32,7 @@ class RegionDisplacement {
 
   const std::vector<std::vector<PlacedSubmap>>& maps_;
   const SightOf& sight_of_;
-  double x_m_ = 0.0, y_m_ = 0.0;  // of the region that is kept
+  double x_m_ = 0.0, y_m_ = 0.0, side_m_ = 0.0;  // of the region that is kept
   std::map<std::size_t, Side> sides_;
 };
 

@@ -25,15 +25,16 @@ void each_within(const Tiles& tiles, double x_m, double y_m, double side_m, Visi
 
 }  // namespace
 
-RegionAgreement RegionAgreement::centred() const {
+RegionAgreement RegionAgreement::in(const Square& square) const {
   RegionAgreement result;
   result.a = a;
   result.b = b;
-  result.x_m = around.x_m;
-  result.y_m = around.y_m;
-  result.coinciding_m = around.coinciding_m;
-  result.contradicted_m = around.contradicted_m;
-  result.unclear_m = around.unclear_m;
+  result.x_m = square.x_m;
+  result.y_m = square.y_m;
+  result.side_m = square.side_m;
+  result.coinciding_m = square.coinciding_m;
+  result.contradicted_m = square.contradicted_m;
+  result.unclear_m = square.unclear_m;
   return result;
 }
 
@@ -42,7 +43,7 @@ RegionTiles::Square& RegionTiles::at(double x_m, double y_m) {
 }
 
 RegionTiles::Square RegionTiles::sum_about(double x_m, double y_m, double side_m) const {
-  Square result{x_m, y_m};
+  Square result{x_m, y_m, side_m};
   each_within(tiles_, x_m, y_m, side_m, [&](double, double, const Square& tile) {
     result.coinciding_m += tile.coinciding_m;
     result.contradicted_m += tile.contradicted_m;
@@ -53,21 +54,19 @@ RegionTiles::Square RegionTiles::sum_about(double x_m, double y_m, double side_m
 
 RegionTiles::Square RegionTiles::around_doubt_of(const RegionAgreement& region) const {
   double x_m = 0.0, y_m = 0.0, all_m = 0.0;
-  each_within(tiles_, region.x_m, region.y_m, RegionAgreement::kSide_m,
-              [&](double tile_x_m, double tile_y_m, const Square& tile) {
-                x_m += in_doubt_m(tile) * tile_x_m;
-                y_m += in_doubt_m(tile) * tile_y_m;
-                all_m += in_doubt_m(tile);
-              });
-  return sum_about(all_m > 0.0 ? x_m / all_m : region.x_m, all_m > 0.0 ? y_m / all_m : region.y_m,
-                   RegionAgreement::kSide_m);
+  each_within(tiles_, region.x_m, region.y_m, region.side_m, [&](double tile_x_m, double tile_y_m, const Square& tile) {
+    x_m += in_doubt_m(tile) * tile_x_m;
+    y_m += in_doubt_m(tile) * tile_y_m;
+    all_m += in_doubt_m(tile);
+  });
+  return sum_about(all_m > 0.0 ? x_m / all_m : region.x_m, all_m > 0.0 ? y_m / all_m : region.y_m, region.side_m);
 }
 
 RegionTiles::Square RegionTiles::most_doubted_of(const RegionAgreement& region) const {
   constexpr double kSmall_m = RegionAgreement::kSmallSide_m;
-  Square result{region.x_m, region.y_m};
+  Square result{region.x_m, region.y_m, kSmall_m};
   if (in_doubt_m(region) <= 0.0) return result;
-  const int reach = static_cast<int>(0.5 * (RegionAgreement::kSide_m - kSmall_m) / kTile_m);
+  const int reach = static_cast<int>(0.5 * (region.side_m - kSmall_m) / kTile_m);
   for (int y = -reach; y <= reach; ++y)
     for (int x = -reach; x <= reach; ++x) {
       const Square here = sum_about(region.x_m + x * kTile_m, region.y_m + y * kTile_m, kSmall_m);

@@ -13,9 +13,9 @@ class RegionTiles {
  public:
   using Square = RegionAgreement::Square;
   Square& at(double x_m, double y_m);  // team frame
-  // The region about the middle of what is in doubt in this one; about its own middle where nothing is.
+  // As large as the region, about the middle of what is in doubt in it; about its own middle where nothing is.
   Square around_doubt_of(const RegionAgreement& region) const;
-  // The square of kSmallSide_m within the region in which most is in doubt; empty where nothing is; of equal ones the
+  // The square of kSmallSide_m within the region in which most is in doubt, empty where nothing is; of equal ones the
   // first by rows.
   Square most_doubted_of(const RegionAgreement& region) const;
 

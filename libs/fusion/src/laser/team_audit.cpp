@@ -11,7 +11,8 @@ namespace {
 
 // What may have moved of a region: a share of what coincides, and both faces of a partition.
 constexpr double kMovedShare = 0.4, kMoved_m = 12.0;
-constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
+constexpr double kLookedAt_m = 2.5;    // in doubt, from which a region is laid elsewhere
+constexpr double kDoubtedShare = 0.1;  // of what coincides, from which a smaller place in it is, too
 
 // Whether a region is contradicted by things that moved, among walls that lie where they should.
 bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displacement) {
@@ -19,7 +20,7 @@ bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displac
          !displacement.better_place(region);
 }
 
-bool is_ghost_in_small(const RegionAgreement::Square& square, const GhostBounds& bounds) {
+bool is_ghost_in_small(const RegionAgreement& square, const GhostBounds& bounds) {
   return square.contradicted_m > std::max(bounds.small_length_m, bounds.small_share * square.coinciding_m);
 }
 
@@ -45,10 +46,10 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     pair.unclear_m += region.unclear_m;
     pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
     if (!may_show_ghosts(region.a, region.b)) continue;
-    const RegionAgreement around = region.centred();
+    const RegionAgreement around = region.in(region.centred), small = region.in(region.most_doubted);
     const bool is_one =
         (is_ghost(region, bounds) && is_ghost(around, bounds) && !shows_what_moved(around, displacement)) ||
-        is_ghost_in_small(region.most_doubted, bounds);
+        is_ghost_in_small(small, bounds);
     if (!is_one) continue;
     pair.ghosts_m += in_doubt_m(region);
     if (double& most = most_m[{region.a, region.b}]; in_doubt_m(region) > most) {
@@ -74,14 +75,22 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
   return result;
 }
 
-std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
-                                     const std::function<bool(std::size_t, std::size_t)>& may_be_bent) {
-  std::vector<BentRegion> result;
+BentRegions bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
+                         const std::function<bool(std::size_t, std::size_t)>& may_be_bent, PlaceSizes sizes) {
+  BentRegions result;
   RegionDisplacement displacement(maps, sight_of);
   for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
+    result.in_doubt_m += in_doubt_m(region);
     if (in_doubt_m(region) < kLookedAt_m || !may_be_bent(region.a, region.b)) continue;
-    if (const auto moved = displacement.better_place(region))
-      result.push_back({region.a, region.b, region.x_m, region.y_m, *moved});
+    std::vector<RegionAgreement> places{region};
+    if (sizes == PlaceSizes::all)
+      for (const RegionAgreement& place : {region.in(region.centred), region.in(region.most_doubted)})
+        if (in_doubt_m(place) >= kDoubtedShare * place.coinciding_m) places.push_back(place);
+    for (const RegionAgreement& place : places)
+      if (const auto moved = displacement.better_place(place)) {
+        result.regions.push_back({region.a, region.b, place.x_m, place.y_m, *moved});
+        break;
+      }
   }
   return result;
 }

@@ -22,7 +22,7 @@ struct TeamAudit {
   std::optional<std::size_t> taken_out;  // the map that is contradicted most, where there are ghosts
 };
 
-// A region in which one map would lie better elsewhere on another one.
+// A place at which one map would lie better elsewhere on another one.
 struct BentRegion {
   std::size_t a = 0, b = 0;     // places of the maps in the team, a < b
   double x_m = 0.0, y_m = 0.0;  // middle, team frame
@@ -50,8 +50,15 @@ bool is_ghost(const RegionAgreement& region, const GhostBounds& bounds = {});
 TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m,
                 const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts,
                 const GhostBounds& bounds = {});
-// Where the search for matches should go on.
-std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
-                                     const std::function<bool(std::size_t, std::size_t)>& may_be_bent);
+struct BentRegions {
+  std::vector<BentRegion> regions;
+  double in_doubt_m = 0.0;  // in all regions of the team
+};
+// Regions as a whole; or also, where a tenth of what coincides there is in doubt, the region about the middle of the
+// doubt and the small square with most of it.
+enum class PlaceSizes { regions, all };
+// Where the search for matches should go on: of each region of a pair at most one place.
+BentRegions bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
+                         const std::function<bool(std::size_t, std::size_t)>& may_be_bent, PlaceSizes sizes);
 
 }  // namespace mapweave::fusion

@@ -147,7 +147,7 @@ std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<Pla
   for (auto& [key, agreement] : found) {
     agreement.contradictions = longest_first(std::move(agreement.contradictions));
     const RegionTiles& of_pair = tiles.at({agreement.a, agreement.b});
-    agreement.around = of_pair.around_doubt_of(agreement);
+    agreement.centred = of_pair.around_doubt_of(agreement);
     agreement.most_doubted = of_pair.most_doubted_of(agreement);
     result.push_back(std::move(agreement));
   }

@@ -57,19 +57,20 @@ struct RegionAgreement {
   static constexpr double kSide_m = 24.0, kSmallSide_m = 12.0;
   std::size_t a = 0, b = 0;     // places of the maps in the team, a < b
   double x_m = 0.0, y_m = 0.0;  // middle of the region, team frame
+  double side_m = kSide_m;
   double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
   std::vector<Contradiction> contradictions;  // longest first
   struct Square {
-    double x_m = 0.0, y_m = 0.0;  // middle
+    double x_m = 0.0, y_m = 0.0, side_m = kSide_m;  // middle
     double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
   };
-  // A region about the middle of what is in doubt here: the border of a region may part what two maps disagree about
-  // from the walls around it.
-  Square around;
+  // Of this size, about the middle of what is in doubt here: the border of a region may part what two maps disagree
+  // about from the walls around it.
+  Square centred;
   // The one of kSmallSide_m within this region in which most is in doubt: a corridor that lies wrongly in one corner of
   // a region is little beside what coincides in the others.
   Square most_doubted;
-  RegionAgreement centred() const;  // `around`, without its contradictions
+  RegionAgreement in(const Square& square) const;  // of the same two maps, without contradictions
 };
 constexpr double kUnclearShare = 0.25;  // of a wall that another one stands close to: drawn twice, it may be
 template <class Agreement>
