@@ -100,9 +100,7 @@ Action set_up_serve(CLI::App& verb) {
       return arguments->reads_input ? serve_robot_by_input(arguments->role) : serve_robot(arguments->role, none);
     if (edge->parsed()) return serve_edge(arguments->role, none);
     if (cloud->parsed()) return serve_cloud(arguments->role, none);
-    if (coordinator->parsed())
-      return serve_coordinator(load_deployment(arguments->role.file, arguments->role.flags), arguments->role.flags.out,
-                               none);
+    if (coordinator->parsed()) return serve_coordinator(arguments->role, none);
     if (keys->parsed()) {
       arguments->keys.out = arguments->role.flags.out;
       return make_keys(load_deployment(arguments->role.file, arguments->role.flags), arguments->keys);

@@ -14,6 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <functional>
@@ -36,12 +37,13 @@ runtime::Report wait_for_results(runtime::LiveCloud& cloud, StopSignals& signals
 class RunningSince {
  public:
   explicit RunningSince(const runtime::LiveOptions& live) : patience_s_(live.patience_s) {}
+  void use(const runtime::LiveOptions& live) { patience_s_ = live.patience_s; }
   runtime::StatusTerms terms() const {
     return {patience_s_, std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count()};
   }
 
  private:
-  double patience_s_;
+  std::atomic<double> patience_s_;
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };
 
@@ -108,6 +110,23 @@ runtime::PageSource page_of(const std::string& title, const runtime::RunConfigur
 // Shows it, and says where; warns where others than this machine reach it. port 0: any that is free.
 std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port, runtime::PageSource, Progress&);
 
+// The page of a program that runs, where its options want one.
+class LivePage {
+ public:
+  LivePage(runtime::PageSource source, const runtime::LiveOptions& live, Progress& progress);  // throws as show_page()
+  // Moves it. What keeps it from being shown there is logged.
+  void use(const runtime::LiveOptions& live);
+
+ private:
+  void show();
+
+  const runtime::PageSource source_;
+  Progress& progress_;
+  std::string host_;
+  int port_;
+  std::unique_ptr<runtime::PageServer> page_;
+};
+
 // Which of a deployment's programs this one is.
 struct RoleArguments {
   std::filesystem::path file;
@@ -161,8 +180,9 @@ ExitCode serve_robot_by_input(RoleArguments arguments);
 ExitCode serve_edge(const RoleArguments&, RoleExtension&);
 ExitCode serve_cloud(const RoleArguments&, RoleExtension&);
 
-// serve coordinator: decides until the team's map is written; its plans are kept in out/plan.json.
-ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleExtension&);
+// serve coordinator: decides until the team's map is written; its plans are kept in plan.json of the
+// output folder.
+ExitCode serve_coordinator(const RoleArguments&, RoleExtension&);
 
 // serve demo: all of it on this machine.
 struct DemoArguments {

@@ -1,6 +1,6 @@
 // mapweave serve coordinator: which robot's data go to which edge, decided again and again while they drive.
 
-#include "serve.h"
+#include "configuration_reload.h"
 #include "service_notify.h"
 
 #include <mapweave/core/error.h>
@@ -194,12 +194,14 @@ void MapReportPublisher::publish(const runtime::LiveEdge& edge) {
   if (board_.put(name_, word)) said_ = std::move(word);
 }
 
-ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::path& out, RoleExtension& extension) {
-  StopSignals signals;
+ExitCode serve_coordinator(const RoleArguments& arguments, RoleExtension& extension) {
+  StopSignals signals(StopSignals::OnHangup::reload);
+  const Deployment deployment = load_deployment(arguments.file, arguments.flags);
+  const std::filesystem::path& out = arguments.flags.out;
   if (!is_coordinated(deployment))
     throw Error(ErrorCode::kBadInput, "the configuration has no coordinator", "coordinator.method",
                 "set how it groups robots: coordinator: {method: default}");
-  const RunningSince since(deployment.live());
+  RunningSince since(deployment.live());
   std::error_code error;
   std::filesystem::create_directories(out, error);
   if (error)
@@ -215,14 +217,11 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
     const runtime::StatusTerms terms = since.terms();
     return runtime::program_status(kName, kName, {tier_status(coordinator.counts(coordination.now_s()), terms)}, terms);
   };
-  std::unique_ptr<runtime::PageServer> page;
-  if (deployment.live().page_port != 0) {
-    runtime::PageSource source =
-        page_of("mapweave serve coordinator", deployment.loaded.configuration, deployment.plan);
-    source.status = status;
-    source.preview = [] { return nullptr; };
-    page = show_page(deployment.live().page_host, deployment.live().page_port, std::move(source), *progress);
-  }
+  runtime::PageSource source = page_of("mapweave serve coordinator", deployment.loaded.configuration, deployment.plan);
+  source.status = status;
+  source.preview = [] { return nullptr; };
+  LivePage page(std::move(source), deployment.live(), *progress);
+  ConfigurationReload reload(arguments, deployment, signals);
   StatusPublisher publisher(wires, kName, true, status);
   progress->say("the coordinator writes its plans to " + (out / "plan.json").string());
   ServiceNotifier service;
@@ -237,6 +236,11 @@ ExitCode serve_coordinator(const Deployment& deployment, const std::filesystem::
       next = Clock::now() + kBetweenLooks;
     }
     publisher.publish();
+    if (const auto live = reload.look()) {
+      coordinator.use(*live);
+      page.use(*live);
+      since.use(*live);
+    }
     service.turn(service_turn_of(coordinator.counts(coordination.now_s())));
     if (signals.wait(kStep))
       throw Interrupted("interrupted; the coordinator goes on with its plan when it is started again");

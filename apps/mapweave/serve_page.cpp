@@ -26,6 +26,27 @@ std::unique_ptr<runtime::PageServer> show_page(const std::string& host, int port
   return page;
 }
 
+LivePage::LivePage(runtime::PageSource source, const runtime::LiveOptions& live, Progress& progress)
+    : source_(std::move(source)), progress_(progress), host_(live.page_host), port_(live.page_port) {
+  show();
+}
+
+void LivePage::show() {
+  if (port_ != 0) page_ = show_page(host_, port_, source_, progress_);
+}
+
+void LivePage::use(const runtime::LiveOptions& live) {
+  if (live.page_host == host_ && live.page_port == port_) return;
+  host_ = live.page_host;
+  port_ = live.page_port;
+  page_.reset();
+  try {
+    show();
+  } catch (const Error& error) {
+    log(LogLevel::error, "no page is shown: " + std::string(error.what()));
+  }
+}
+
 void StatusPublisher::publish(bool at_once) {
   using namespace std::chrono_literals;
   constexpr auto kEvery = 2s;

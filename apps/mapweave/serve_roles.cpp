@@ -3,6 +3,7 @@
 #include "serve.h"
 
 #include "configuration.h"
+#include "configuration_reload.h"
 #include "misplaced_input.h"
 #include "own_broker.h"
 #include "service_notify.h"
@@ -60,18 +61,14 @@ void remove_journals(const std::filesystem::path& journal) {
   }
 }
 
-bool shows(const Deployment& deployment) { return deployment.live().page_port != 0; }
-
-// Null: no page is wanted. Tier: LiveEdge or LiveCloud.
+// Tier: LiveEdge or LiveCloud.
 template <class Tier>
-std::unique_ptr<runtime::PageServer> page_if_wanted(const Deployment& deployment, const std::string& title,
-                                                    Progress& progress, const Tier& tier,
-                                                    std::function<nlohmann::ordered_json()> status) {
-  if (!shows(deployment)) return nullptr;
-  runtime::PageSource source = page_of(title, deployment.loaded.configuration, deployment.plan);
+runtime::PageSource page_of(const std::string& title, const Deployment& deployment, const Tier& tier,
+                            std::function<nlohmann::ordered_json()> status) {
+  runtime::PageSource source = app::page_of(title, deployment.loaded.configuration, deployment.plan);
   source.status = std::move(status);
   source.preview = [&tier] { return tier.preview(); };
-  return show_page(deployment.live().page_host, deployment.live().page_port, std::move(source), progress);
+  return source;
 }
 
 bool has_said_all(const runtime::LiveRobotCounts& robot) { return robot.is_read && robot.confirmed >= robot.messages; }
@@ -125,9 +122,9 @@ class RobotLines {
 }  // namespace
 
 ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
-  StopSignals signals;
+  StopSignals signals(StopSignals::OnHangup::reload);
   const Deployment deployment = load_deployment(arguments.file, arguments.flags);
-  const RunningSince since(deployment.live());
+  RunningSince since(deployment.live());
   std::vector<std::string> names;
   for (const runtime::PlannedRobot& robot : deployment.plan.robots) names.push_back(robot.id.str());
   const RobotId name(chosen("robot", arguments.name, names));
@@ -156,6 +153,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   };
   StatusPublisher publisher(wires, "robot-" + name.str(), deployment.live().keys.empty(), status);
   ServiceNotifier service;
+  ConfigurationReload reload(arguments, deployment, signals);
   bool is_asked = false;
   while (!robot.is_done()) {
     if (const auto plan = plans.look()) robot.follow(*plan);
@@ -164,6 +162,10 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
     const runtime::LiveRobotCounts now = robot.counts();
     service.turn(service_turn_of(now));
     if (has_started) lines.show(now);
+    if (const auto live = reload.look()) {
+      robot.use(*live);
+      since.use(*live);
+    }
     const bool is_to_end = extension.look(robot, status) && !is_asked;
     if (has_said_all(now) && is_asked) break;
     if (!is_to_end && !signals.wait(kStep)) continue;
@@ -184,9 +186,9 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
 }
 
 ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
-  StopSignals signals;
+  StopSignals signals(StopSignals::OnHangup::reload);
   Deployment deployment = load_deployment(arguments.file, arguments.flags);
-  const RunningSince since(deployment.live());
+  RunningSince since(deployment.live());
   std::vector<std::string> names;
   for (const TierId& edge : deployment.plan.edges) names.push_back(edge.str());
   const TierId name(chosen("edge", arguments.name, names));
@@ -198,7 +200,7 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
   {
     runtime::LiveEdge edge(name,
                            {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
-                            journal, shows(deployment) || extension.shows_maps()},
+                            journal, extension.shows_maps()},
                            wires.from_edge(name));
     const TierEnd tier_end(extension);
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
@@ -225,7 +227,8 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("edge", name.str(), {runtime::tier_status(name, edge.counts(), terms)}, terms);
     };
-    const auto page = page_if_wanted(deployment, "mapweave serve edge " + name.str(), *progress, edge, status);
+    LivePage page(page_of("mapweave serve edge " + name.str(), deployment, edge, status), deployment.live(), *progress);
+    ConfigurationReload reload(arguments, deployment, signals);
     StatusPublisher publisher(wires, "edge-" + name.str(), true, status);
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
     ServiceNotifier service;
@@ -237,6 +240,11 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
       if (is_coordinated(deployment)) maps.publish(edge);
       service.turn(service_turn_of(edge.counts()));
       extension.look(edge, status);
+      if (const auto live = reload.look()) {
+        edge.use(*live);
+        page.use(*live);
+        since.use(*live);
+      }
       if (signals.wait(kStep))
         throw Interrupted("interrupted; edge " + name.str() + " goes on from " + journal->string() +
                           " when it is started again");
@@ -250,9 +258,9 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
 }
 
 ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
-  StopSignals signals;
+  StopSignals signals(StopSignals::OnHangup::reload);
   Deployment deployment = load_deployment(arguments.file, arguments.flags);
-  const RunningSince since(deployment.live());
+  RunningSince since(deployment.live());
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
   extension.begin(deployment, runtime::cloud_tier().str(), signals);
@@ -262,7 +270,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
   std::optional<runtime::Report> report;
   {
     runtime::LiveCloud cloud({deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
-                              journal, shows(deployment) || extension.shows_maps()},
+                              journal, extension.shows_maps()},
                              {arguments.flags.out, arguments.flags.force, true});
     const TierEnd tier_end(extension);
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
@@ -272,7 +280,8 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("cloud", "cloud", {runtime::tier_status(cloud.counts(), terms)}, terms);
     };
-    const auto page = page_if_wanted(deployment, "mapweave serve cloud", *progress, cloud, status);
+    LivePage page(page_of("mapweave serve cloud", deployment, cloud, status), deployment.live(), *progress);
+    ConfigurationReload reload(arguments, deployment, signals);
     StatusPublisher publisher(wires, "cloud", true, status);
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
     ServiceNotifier service;
@@ -286,6 +295,11 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
       edges.keep();
       publisher.publish();
       service.turn(service_turn_of(cloud.counts()));
+      if (const auto live = reload.look()) {
+        cloud.use(*live);
+        page.use(*live);
+        since.use(*live);
+      }
       return extension.look(cloud, status);
     });
     publisher.publish(true);

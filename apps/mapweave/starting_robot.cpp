@@ -26,7 +26,8 @@ StartingRobot::StartingRobot(runtime::PlannedRobot robot, const runtime::RunConf
       configuration_(configuration),
       to_edge_(std::move(to_edge)),
       to_map_server_(std::move(to_map_server)),
-      has_log_(std::move(has_log)) {}
+      has_log_(std::move(has_log)),
+      options_(configuration.live) {}
 
 // False: there is nothing to look into yet.
 bool StartingRobot::look_into_log() {
@@ -51,7 +52,7 @@ bool StartingRobot::look() {
   if (started_) return true;
   if (!look_into_log()) return false;
   if (robot_.trouble && robot_.trouble->code() == ErrorCode::kMissing) throw Error(*robot_.trouble);
-  runtime::LiveOptions live = configuration_.live;
+  runtime::LiveOptions live = options_;
   if (configuration_.reading.follow) live.speed = 0.0;  // it comes at the speed at which it is sensed
   started_.emplace(robot_, configuration_, live, std::move(to_edge_), std::move(to_map_server_));
   if (plan_) started_->follow(*plan_);
@@ -74,6 +75,12 @@ void StartingRobot::follow(const runtime::LivePlan& plan) {
   const std::lock_guard lock(mutex_);
   plan_ = plan;
   if (started_) started_->follow(plan);
+}
+
+void StartingRobot::use(const runtime::LiveOptions& options) {
+  const std::lock_guard lock(mutex_);
+  options_.take_while_running(options);
+  if (started_) started_->use(options);
 }
 
 bool StartingRobot::is_done() const {

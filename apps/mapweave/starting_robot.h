@@ -28,6 +28,7 @@ class StartingRobot {
   void end();
   void leave();  // as LiveRobot's
   void follow(const runtime::LivePlan& plan);
+  void use(const runtime::LiveOptions& options);
   runtime::LiveRobotCounts counts() const;  // of one that has not started: that it has sensed nothing
   bool is_done() const;
 
@@ -42,6 +43,7 @@ class StartingRobot {
   mutable std::mutex mutex_;
   std::future<runtime::PlannedRobot> looks_;
   std::optional<runtime::LivePlan> plan_;  // the last one before it started
+  runtime::LiveOptions options_;
   bool ends_ = false;
   std::optional<runtime::LiveRobot> started_;
 };

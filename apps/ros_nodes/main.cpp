@@ -134,7 +134,7 @@ ExitCode run_program(int argc, char** argv) {
   if (edge->parsed()) return serve<EdgeNode>("edge", given.role, app::serve_edge);
   if (cloud->parsed()) return serve<CloudNode>("cloud", given.role, app::serve_cloud);
   CoordinatorNode node;
-  return app::serve_coordinator(app::load_deployment(given.role.file, given.role.flags), given.role.flags.out, node);
+  return app::serve_coordinator(given.role, node);
 }
 
 }  // namespace

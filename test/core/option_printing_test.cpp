@@ -194,6 +194,16 @@ struct Nothing {
   template <class Visitor>
   void describe(Visitor&) {}
 };
+TEST(ChangedKeys, names_what_is_not_alike_and_a_list_as_a_whole) {
+  const TeamOptions before = busy_team();
+  EXPECT_TRUE(changed_keys(before, before).empty());
+  TeamOptions after = before;
+  after.seed += 1;
+  after.laser.graph.min_score += 0.01;
+  after.robots.back().edge += "x";
+  EXPECT_EQ(changed_keys(before, after), (std::vector<std::string>{"seed", "robots", "laser.graph.min_score"}));
+}
+
 TEST(ToYaml, has_a_text_for_no_options_at_all) { EXPECT_EQ(to_yaml(Nothing()), "{}\n"); }
 
 struct Named {

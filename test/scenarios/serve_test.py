@@ -419,6 +419,50 @@ class Serve(WithBroker):
             self.end(process)
         self.assert_same_map("live", "run")
 
+    def test_a_configuration_is_read_again_where_nothing_has_to_start_again(self):
+        self.simulate()
+        text = (self.folder / "logs/run.yaml").read_text() + f"live: {{broker: \"{self.start_broker()}\", speed: 8, preview_period_s: "
+        configuration = self.folder / "logs/run.yaml"
+        configuration.write_text(text + "3600}\n")
+        start = lambda role, *rest: self.start("serve", role, "logs/run.yaml", *rest, has_terminal=False)
+        programs = {"cloud": start("cloud", "--out", "live"),
+                    "north": start("edge", "--name", "north"),
+                    "south": start("edge", "--name", "south"),
+                    "alpha": start("robot", "--name", "alpha", "--set", "live.speed=1")}
+        journal = self.folder / "mapweave-store/north.mwj-wal"
+        self.wait_for(lambda: journal.exists() and journal.stat().st_size > 40000, "the edge keeps nothing")
+        reload = lambda name: programs[name].send_signal(signal.SIGHUP)
+        port = free_port()
+        configuration.write_text(text + f"0.2, page_port: {port}, store: elsewhere}}\n")
+        reload("north")
+        self.wait_for(lambda: self.shown_maps(port) > 0, "the page that came later shows the maps")
+        configuration.write_text(text + "an apple a day}\n")
+        reload("north")
+        time.sleep(support.PATIENCE)   # it looks every 50 ms
+        configuration.write_text(text + "0.2, robot_buffer_kb: 4096}\n")
+        for name in ("alpha", "south", "cloud"):
+            reload(name)
+        time.sleep(1)
+        self.assertEqual(ask(port, "/healthz")[0], 200, "a file that cannot be read changes nothing")
+        self.assertTrue(all(process.poll() is None for process in programs.values()))
+        programs["alpha"].send_signal(signal.SIGINT)
+        configuration.write_text(text + "0.2}\n")
+        for name in ("beta", "gamma"):
+            programs[name] = start("robot", "--name", name)
+        said = {name: process.communicate(timeout=120 * support.PATIENCE)[1] for name, process in programs.items()}
+        for name, process in programs.items():
+            self.assertIn(process.returncode, (support.DONE, support.APART), said[name])   # alpha has seen little
+        self.assertIn("read again; changed: live.preview_period_s, live.page_port", said["north"])
+        self.assertIn("when the program is started again: live.store", said["north"])
+        self.assertIn("the configuration was not read again, and everything stays as it was", said["north"])
+        self.assertIn("preview_period_s", said["north"].split("stays as it was")[1])
+        self.assertIn("changed: live.preview_period_s, live.robot_buffer_kb", said["alpha"])
+        self.assertIn("the cloud's preview: ", said["cloud"], "an hour was to pass before")
+
+    def shown_maps(self, port):
+        shown = ask(port, "/maps.json")[1]
+        return len(json.loads(shown)["maps"]) if shown else 0
+
     def test_a_service_manager_learns_when_an_edge_is_ready_works_and_stops(self):
         self.simulate()
         talk = ["--name", "north", "--set", f"live.broker={self.start_broker()}"]

@@ -49,10 +49,10 @@ class Scenario(unittest.TestCase):
         self.assertIn(done.returncode, allowed, f"mapweave {' '.join(map(str, arguments))}\n{done.stdout}\n{done.stderr}")
         return done
 
-    def start(self, *arguments, **variables):
-        """Runs the program beside the test, with more variables in its environment."""
+    def start(self, *arguments, has_terminal=True, **variables):
+        """Runs the program beside the test, with more variables in its environment; without the test's terminal, if it has one, as a service."""
         process = subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, env=environment() | variables, text=True, errors="replace",
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=not has_terminal)
         self.addCleanup(lambda: process.poll() is None and process.kill())
         return process
 

@@ -196,6 +196,20 @@ std::string yaml_of_fields(const OptionFields& fields) {
   return fields.empty() ? "{}\n" : printer.text;
 }
 
+std::vector<std::string> changed_keys_of_fields(const OptionFields& before, const OptionFields& after) {
+  MAPWEAVE_EXPECT(before.size() == after.size(), "options of two structs cannot be compared");
+  std::vector<std::string> result;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const auto *one = std::get_if<OptionSection>(&before[i].as), *other = std::get_if<OptionSection>(&after[i].as);
+    if (one != nullptr && other != nullptr)
+      for (const std::string& key : changed_keys_of_fields(one->fields, other->fields))
+        result.push_back(before[i].name + "." + key);
+    else if (yaml_of_fields({before[i]}) != yaml_of_fields({after[i]}))
+      result.push_back(before[i].name);
+  }
+  return result;
+}
+
 std::string reference_of_fields(const OptionFields& fields, std::string_view title) {
   std::string page;
   for (std::size_t begin = 0; begin <= title.size();) {

@@ -49,9 +49,11 @@ LiveCloud::State::State(const LiveSite& of, const RunSettings& how)
       agreement(agreement_of(of.configuration)),
       began(now_ns()),
       is_coordinated(of.configuration.coordinator.method.has_value()),
+      options(of.options),
       plan(of.plan),
       team(site.configuration, site.plan, settings, site.pool, site.progress),
-      rounds(cloud_tier(), site.configuration.fusion) {
+      rounds(cloud_tier(), site.configuration.fusion),
+      keeps_previews(of.keeps_previews || of.options.page_port != 0) {
   for (const TierId& id : site.plan.edges) edges[id];
   if (site.journal) {
     journal.emplace(*site.journal);
@@ -198,7 +200,7 @@ void LiveCloud::State::speak() {
   while (!ends) {
     const auto now = Clock::now();
     step(now);
-    if (std::chrono::duration<double>(now - said).count() >= site.options.patience_s) {
+    if (std::chrono::duration<double>(now - said).count() >= options.patience_s) {
       said = now;
       say_who_is_missing();
     }
@@ -213,6 +215,14 @@ std::shared_ptr<transport::Channel> LiveCloud::connect() {
   const auto channel = transport::make_in_process_channel({kMostInFlight});
   serve(channel.second);
   return channel.first;
+}
+
+void LiveCloud::use(const LiveOptions& options) {
+  const std::lock_guard lock(state_->mutex);
+  state_->options.take_while_running(options);
+  state_->keeps_previews = state_->site.keeps_previews || options.page_port != 0;
+  state_->has_new_options = true;
+  state_->changed.notify_all();
 }
 
 void LiveCloud::serve(std::shared_ptr<transport::Channel> edge) {

@@ -12,27 +12,29 @@ namespace mapweave::runtime {
 namespace subject = tiers::subject;
 
 void LiveCloud::State::merge() {
-  const auto period =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(site.options.preview_period_s));
-  auto next = Clock::now() + period;
   std::unique_lock lock(mutex);
+  const auto after_a_period = [&] {
+    return Clock::now() +
+           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options.preview_period_s));
+  };
+  auto next = after_a_period();
   const auto has_work = [&] {
-    return ends || has_new_plan || (seals_now && phase == Phase::collecting) ||
+    return ends || has_new_plan || has_new_options || (seals_now && phase == Phase::collecting) ||
            std::any_of(edges.begin(), edges.end(), [](const auto& e) { return !e.second.said.empty(); });
   };
   while (!ends && phase != Phase::done) {
     changed.wait_until(lock, next, has_work);
     if (ends) return;
     has_new_plan = false;
+    if (std::exchange(has_new_options, false)) next = std::min(next, after_a_period());
     lock.unlock();
     try {
       take_said();
       while (advance()) {}
-      if (Clock::now() >= next) {
-        if (phase == Phase::collecting) preview();
-        next = Clock::now() + period;
-      }
+      const bool is_due = Clock::now() >= next;
+      if (is_due && phase == Phase::collecting) preview();
       lock.lock();
+      if (is_due) next = after_a_period();
     } catch (...) {
       lock.lock();
       trouble = std::current_exception();
@@ -194,7 +196,7 @@ void LiveCloud::State::preview() {
       if (verdict.decision != Decision::accepted && !verdict.in_one_map)
         apart.push_back(verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(verdict));
     newest = newest_scans(rounds);
-    if (site.keeps_previews) next = preview_of(rounds, counts.previews + 1);
+    if (keeps_previews) next = preview_of(rounds, counts.previews + 1);
   } catch (const Interrupted&) {  // whoever interrupted it ends this
     return;
   }

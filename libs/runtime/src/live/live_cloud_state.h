@@ -11,6 +11,7 @@
 #include <mapweave/runtime/live_cloud.h>
 #include <mapweave/tiers/round_merger.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <list>
 #include <mutex>
@@ -52,6 +53,8 @@ struct LiveCloud::State {
   mutable std::mutex mutex;
   const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
   std::condition_variable& changed = *woken;
+  LiveOptions options;
+  bool has_new_options = false;  // that the merging thread does not know
   std::map<TierId, Edge> edges;
   std::list<Link> links;
   LiveCloudCounts counts;
@@ -86,6 +89,7 @@ struct LiveCloud::State {
   std::set<TierId> gone;   // what they merged does not count: their robots are elsewhere
   tiers::RoundMerger rounds;
 
+  std::atomic<bool> keeps_previews;
   std::thread speaker, merger;
 
   State(const LiveSite& of, const RunSettings& how);

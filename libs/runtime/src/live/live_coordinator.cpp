@@ -59,6 +59,7 @@ struct LiveCoordinator::State {
   const RunConfiguration& configuration;
   const RunPlan& of;
   mutable std::mutex mutex;
+  LiveOptions live;
   const tiers::CoordinatorOptions options;
   tiers::Coordinator coordinator;
   Measures measures;
@@ -100,6 +101,7 @@ LiveCoordinator::State::State(const RunConfiguration& all, const RunPlan& planne
                               const std::optional<LivePlan>& before)
     : configuration(all),
       of(planned),
+      live(all.live),
       options(coordinator_options(all, planned)),
       coordinator(options),
       measures(all, planned, options.plan.model) {
@@ -182,7 +184,7 @@ void LiveCoordinator::State::notice_edges(double now_s) {
   if (!began_s) began_s = now_s;
   for (auto& [name, edge] : edges) {
     const double silent_s = edge.speaker.silent_s(now_s).value_or(now_s - *began_s);
-    const bool is_lost = silent_s > configuration.live.lost_after_s;
+    const bool is_lost = silent_s > live.lost_after_s;
     if (is_lost && edge.is_there && edges_there() > 1 && !cloud.word.is_sealing) {
       edge.is_there = false;
       is_urgent = true;
@@ -321,6 +323,11 @@ void LiveCoordinator::receive_robot(const RobotId& robot, std::string_view statu
 
 void LiveCoordinator::receive_maps(const TierId& edge, std::string_view maps) {
   state_->receive("edge " + edge.str(), [&] { state_->take_maps(edge, maps); });
+}
+
+void LiveCoordinator::use(const LiveOptions& options) {
+  const std::lock_guard lock(state_->mutex);
+  state_->live.take_while_running(options);
 }
 
 void LiveCoordinator::decide_soon() {

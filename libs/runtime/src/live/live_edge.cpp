@@ -44,7 +44,9 @@ LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
       to_cloud(std::move(connect)),
       agreement(agreement_of(of.configuration)),
       began(now_ns()),
-      is_coordinated(of.configuration.coordinator.method.has_value()) {
+      options(of.options),
+      is_coordinated(of.configuration.coordinator.method.has_value()),
+      keeps_previews(of.keeps_previews || of.options.page_port != 0) {
   std::string names;
   for (const TierId& one : site.plan.edges) names += (names.empty() ? "" : ", ") + one.str();
   const bool is_known = std::find(site.plan.edges.begin(), site.plan.edges.end(), edge) != site.plan.edges.end();
@@ -111,8 +113,7 @@ void LiveEdge::State::replay() {
         robot.session = entry.from;
         robot.taken = robot.stored = sensed.sequence;
         keep(robot, std::move(sensed), entry.update.size());
-        const std::size_t most = site.options.edge_queue_bytes();
-        changed.wait(lock, [&] { return ends || robot.queue_bytes < most; });
+        changed.wait(lock, [&] { return ends || robot.queue_bytes < options.edge_queue_bytes(); });
       });
   } catch (const std::exception& error) {
     log(LogLevel::error, "edge " + edge.str() + ": " + error.what());
@@ -157,7 +158,7 @@ std::uint64_t LiveEdge::State::greet(Link& link, const Hello& hello) {
     if (link.robot != &robot) {  // a wire may say hello again
       const auto now = Clock::now();
       const bool is_soon =
-          std::chrono::duration<double>(now - std::exchange(robot.begun_at, now)).count() < site.options.patience_s;
+          std::chrono::duration<double>(now - std::exchange(robot.begun_at, now)).count() < options.patience_s;
       robot.begun_soon = is_soon ? robot.begun_soon + 1 : 0;
       ++robot.begun;
     }
@@ -194,7 +195,7 @@ void LiveEdge::State::step(Clock::time_point now) {
     for (const auto& [robot, number] : newly_stored) robot->stored = std::max(robot->stored, number);
     newly_stored.clear();
   }
-  const std::size_t most = site.options.edge_queue_bytes();
+  const std::size_t most = options.edge_queue_bytes();
   for (Link& link : links) {
     if (link.robot != nullptr) link.wire->store(link.robot->stored);
     if (!link.is_closed) link.wire->step(now, link.robot != nullptr && link.robot->queue_bytes >= most);
@@ -275,7 +276,7 @@ void LiveEdge::State::speak() {
     const auto now = Clock::now();
     step(now);
     step_cloud(lock, now);
-    if (std::chrono::duration<double>(now - said).count() >= site.options.patience_s) {
+    if (std::chrono::duration<double>(now - said).count() >= options.patience_s) {
       said = now;
       say_who_is_missing();
     }
@@ -291,6 +292,14 @@ std::shared_ptr<transport::Channel> LiveEdge::connect() {
   const auto channel = transport::make_in_process_channel({state_->site.options.edge_queue_bytes()});
   serve(channel.second);
   return channel.first;
+}
+
+void LiveEdge::use(const LiveOptions& options) {
+  const std::lock_guard lock(state_->mutex);
+  state_->options.take_while_running(options);
+  state_->has_new_options = true;
+  state_->keeps_previews = state_->site.keeps_previews || options.page_port != 0;
+  state_->changed.notify_all();
 }
 
 void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {

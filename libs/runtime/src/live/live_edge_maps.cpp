@@ -55,11 +55,11 @@ void LiveEdge::State::read_map(Robot& robot, std::unique_lock<std::mutex>& lock)
   } catch (const Interrupted&) {  // whoever interrupted it ends this
   }
   const Clock::time_point now = Clock::now();
-  const double period_s = std::min(kBetweenMaps_s, site.options.preview_period_s);
+  lock.lock();
+  const double period_s = std::min(kBetweenMaps_s, options.preview_period_s);
   robot.reads_again =
       now + std::max(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period_s)),
                      kMapCost * (now - before));
-  lock.lock();
   if (map) robot.so_far = robot.own = std::move(map);
 }
 
@@ -87,7 +87,7 @@ void LiveEdge::State::map(Robot& robot) {
     std::shared_ptr<const Map> whole;
     if (outcome) {
       complete(robot, *outcome);
-      if (outcome->map && site.keeps_previews) whole = named(nodes_of(*outcome->map), robot.planned->id);
+      if (outcome->map && keeps_previews) whole = named(nodes_of(*outcome->map), robot.planned->id);
     }
     robot.has_news = robot.has_news && !robot.has_outcome;
     lock.lock();
@@ -192,15 +192,18 @@ bool LiveEdge::State::is_due_to_fuse() const {
 }
 
 void LiveEdge::State::merge() {
-  const auto period =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(site.options.preview_period_s));
-  auto next = Clock::now() + period;
   std::unique_lock lock(mutex);
+  const auto after_a_period = [&] {
+    return Clock::now() +
+           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options.preview_period_s));
+  };
+  auto next = after_a_period();
   while (!ends) {
+    if (std::exchange(has_new_options, false)) next = std::min(next, after_a_period());
     const auto may_answer = [&] {
       return !requests.empty() && (counts.is_fused || members().empty() || requests.back().subject == subject::kDone);
     };
-    changed.wait_until(lock, next, [&] { return ends || is_due_to_fuse() || may_answer(); });
+    changed.wait_until(lock, next, [&] { return ends || has_new_options || is_due_to_fuse() || may_answer(); });
     if (ends) return;
     try {
       if (is_due_to_fuse()) {
@@ -218,16 +221,16 @@ void LiveEdge::State::merge() {
         lock.unlock();
         if (!is_fused) preview();
         lock.lock();
-        next = Clock::now() + period;
+        next = after_a_period();
       }
     } catch (const Interrupted&) {  // whoever interrupted it ends this
       if (!lock.owns_lock()) lock.lock();
-      changed.wait_until(lock, next = Clock::now() + period, [&] { return ends.load(); });
+      changed.wait_until(lock, next = after_a_period(), [&] { return ends.load(); });
     } catch (const std::exception& error) {
       if (!lock.owns_lock()) lock.lock();
       log(LogLevel::error, "edge " + edge.str() + ": " + error.what());
       counts.trouble = error.what();
-      next = Clock::now() + period;
+      next = after_a_period();
       changed.wait_until(lock, next, [&] { return ends.load(); });
     }
   }
@@ -315,7 +318,7 @@ void LiveEdge::State::preview() {
     if (component.members.size() > 1) joint.push_back(component.members);
   std::map<RobotId, Stamp> newest = newest_scans(*rounds);
   std::shared_ptr<const LivePreview> next;
-  if (site.keeps_previews) next = preview_of(*rounds, counts.previews + 1);
+  if (keeps_previews) next = preview_of(*rounds, counts.previews + 1);
   const std::lock_guard lock(mutex);
   shown = std::move(next);
   ++counts.previews;

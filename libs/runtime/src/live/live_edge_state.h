@@ -64,6 +64,8 @@ struct LiveEdge::State {
   mutable std::mutex mutex;
   const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
   std::condition_variable& changed = *woken;  // channels may outlive the edge
+  LiveOptions options;
+  bool has_new_options = false;  // that the merging thread does not know
   std::map<RobotId, Robot> robots;
   std::list<Link> links;
   const bool is_coordinated;
@@ -76,7 +78,7 @@ struct LiveEdge::State {
   std::deque<Said> requests;                                // of the cloud
   std::vector<std::pair<std::string, std::string>> finals;  // what the final map rests on: subjects and bytes
   bool begins_rounds = false;                               // the cloud knows of no preview
-  std::atomic<bool> ends{false};
+  std::atomic<bool> ends{false}, keeps_previews;
 
   std::mutex stored_mutex;  // after `mutex` by who takes both
   std::vector<std::pair<Robot*, std::uint64_t>> newly_stored;

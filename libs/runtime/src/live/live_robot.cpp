@@ -43,7 +43,6 @@ Clock::time_point due_at(Stamp stamp, const Anchor& anchor, double speed) {
 struct LiveRobot::State {
   const PlannedRobot robot;
   const RunConfiguration& configuration;
-  const LiveOptions options;
   const ConnectToEdge connect;
   const SensorId sensor;
   const bool is_coordinated;
@@ -51,7 +50,8 @@ struct LiveRobot::State {
   mutable std::mutex mutex;
   const std::shared_ptr<std::condition_variable> woken = std::make_shared<std::condition_variable>();
   std::condition_variable& changed = *woken;  // channels may outlive the robot
-  std::optional<NumberedWire> wire;           // once it is known which run this is
+  LiveOptions options;
+  std::optional<NumberedWire> wire;  // once it is known which run this is
   std::optional<std::int64_t> run;
   TierId edge;                    // of the wire
   std::uint64_t plan = 0;         // that it follows
@@ -69,10 +69,10 @@ struct LiveRobot::State {
         const ConnectCamera& to_map_server)
       : robot(planned),
         configuration(configuration_of(all, planned)),
-        options(live),
         connect(std::move(to_edge)),
         sensor(sensor_of(planned)),
         is_coordinated(all.coordinator.method.has_value()),
+        options(live),
         edge(planned.edge),
         agreement(agreement_of(all)) {
     if (!shares_cameras(configuration) || planned.sensors.cameras.empty() || !to_map_server) return;
@@ -388,6 +388,11 @@ void LiveRobot::end() {
 }
 
 void LiveRobot::follow(const LivePlan& plan) { state_->follow(plan); }
+
+void LiveRobot::use(const LiveOptions& options) {
+  const std::lock_guard lock(state_->mutex);
+  state_->options.take_while_running(options);
+}
 
 bool LiveRobot::is_done() const {
   const std::lock_guard lock(state_->mutex);

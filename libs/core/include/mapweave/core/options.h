@@ -208,6 +208,7 @@ void override_fields(OptionFields fields, const std::vector<OptionSetting>&);
 void check_fields(const OptionFields&);
 std::string yaml_of_fields(const OptionFields&);
 std::string reference_of_fields(const OptionFields&, std::string_view title);
+std::vector<std::string> changed_keys_of_fields(const OptionFields& before, const OptionFields& after);
 
 // Puts all layers over what `options` holds. Throws Error: kMissing for a file that cannot be read, kBadInput for a
 // file or the environment, kUsage for a setting: malformed YAML, an unknown key (naming the nearest one), a key twice,
@@ -236,6 +237,12 @@ void check(Options options) {
 template <class Options>
 std::string to_yaml(Options options) {
   return yaml_of_fields(fields_of(options));
+}
+
+// Keys, as in settings, of what is not alike in two of them; a list as a whole.
+template <class Options>
+std::vector<std::string> changed_keys(Options before, Options after) {
+  return changed_keys_of_fields(fields_of(before), fields_of(after));
 }
 
 // As to_yaml, with the meaning and range of each option as comments and an example of a list's element.

@@ -45,6 +45,7 @@ class LiveCloud {
   void follow(const LivePlan& plan);
   // As LiveEdge's.
   bool follow(const LiveRequests& requests);
+  void use(const LiveOptions& options);  // as LiveEdge's
   // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
   void seal_now();
   // The report, once the folder is there and this was sent to the edges; nullopt: it is not yet. Throws what went

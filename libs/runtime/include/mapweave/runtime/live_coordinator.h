@@ -63,6 +63,8 @@ class LiveCoordinator {
   // The next step() decides, whenever the last one did.
   void decide_soon();
 
+  void use(const LiveOptions& options);  // as LiveEdge's
+
   LivePlan plan() const;  // number 0: no robot has come yet
   LiveCoordinatorCounts counts(double now_s) const;
   // {plan, since, final, done, method, expected_seconds, edges, wires, overlaps, decisions}: of wires and edges what is

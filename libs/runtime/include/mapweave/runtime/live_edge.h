@@ -22,7 +22,7 @@ struct LiveSite {
   WorkerPool& pool;
   Progress& progress;
   std::optional<std::filesystem::path> journal = {};
-  bool keeps_previews = false;  // for preview()
+  bool keeps_previews = false;  // for preview(), also where no page shows them
 };
 
 struct LiveEdgeCounts {
@@ -85,10 +85,12 @@ class LiveEdge {
   void follow(const LivePlan& plan);
   // What users ask for, all of it each time. False: too late, its final maps were merged without.
   bool follow(const LiveRequests& requests);
+  // Takes of these what it can while it runs (LiveOptions::take_while_running).
+  void use(const LiveOptions& options);
   // What the maps of its robots show so far, for the coordinator: encoded MapReports.
   std::vector<std::string> map_reports() const;
   LiveEdgeCounts counts() const;
-  // The last one; null while there is none, and where none is kept.
+  // The last one; null while there is none, and where none is kept: they are where the options have a page.
   std::shared_ptr<const LivePreview> preview() const;
   // A robot's map so far, from its first scan on and whatever previews show, read a few times a second; of cameras
   // once the robot has ended. Its nodes count. Null: it has none yet, or is not of this edge now.

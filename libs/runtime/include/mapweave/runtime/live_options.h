@@ -65,6 +65,16 @@ struct LiveOptions {
   LiveWireOptions wire;
   LiveServerOptions map_server;
   std::string broker_url() const { return broker.empty() ? "nats://127.0.0.1:" + std::to_string(kBrokerPort) : broker; }
+  // What a program can take while it runs; the rest stays.
+  void take_while_running(const LiveOptions& news) {
+    preview_period_s = news.preview_period_s;
+    robot_buffer_kb = news.robot_buffer_kb;
+    edge_queue_kb = news.edge_queue_kb;
+    patience_s = news.patience_s;
+    lost_after_s = news.lost_after_s;
+    page_host = news.page_host;
+    page_port = news.page_port;
+  }
   std::size_t robot_buffer_bytes() const { return static_cast<std::size_t>(robot_buffer_kb) << 10; }
   std::size_t edge_queue_bytes() const { return static_cast<std::size_t>(edge_queue_kb) << 10; }
   template <class Visitor>

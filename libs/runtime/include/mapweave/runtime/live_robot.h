@@ -71,6 +71,7 @@ class LiveRobot {
   // the new one, from the beginning of its recording, what that does not have. An older plan than before is passed
   // over.
   void follow(const LivePlan& plan);
+  void use(const LiveOptions& options);  // as LiveEdge's
   // All is said, and stored at the edge; with a coordinator, the team's map is written, too: until then the robot may
   // be given to another edge.
   bool is_done() const;
