@@ -8,6 +8,7 @@
 #include <mapweave/core/files.h>
 #include <mapweave/core/format.h>
 #include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/nats_wires.h>
 #include <mapweave/transport/broker.h>
 
 #include <unistd.h>
@@ -64,7 +65,7 @@ struct Word {
   double age_s = 0.0, clock_offset_s = 0.0;  // against the broker's clock
 };
 
-std::optional<Word> last_word(const transport::NatsBoard& board, const std::string& user,
+std::optional<Word> last_word(const transport::Board& board, const std::string& user,
                               std::chrono::system_clock::time_point now) {
   const auto word = board.last(user, kPatience);
   if (!word) return std::nullopt;
@@ -79,7 +80,7 @@ std::optional<Word> last_word(const transport::NatsBoard& board, const std::stri
 }
 
 // By the broker's clock: what the doctor says itself, and reads again.
-std::chrono::system_clock::duration broker_is_ahead(transport::NatsBoard& board) {
+std::chrono::system_clock::duration broker_is_ahead(transport::Board& board) {
   board.ensure(kPatience);
   board.put("doctor", "looks");
   const auto said = std::chrono::system_clock::now();
@@ -198,8 +199,8 @@ std::vector<Program> programs_of(const Deployment& deployment) {
 Json look_at_deployment(const Arguments& arguments) {
   const Deployment deployment = load_deployment(arguments.file, arguments.flags);
   const runtime::NatsWires wires(deployment.loaded.configuration, kPatience);
-  transport::NatsBoard board = wires.board();
-  const auto ahead = broker_is_ahead(board);
+  const std::shared_ptr<transport::Board> board = wires.board();
+  const auto ahead = broker_is_ahead(*board);
   const std::vector<Program> programs_there = programs_of(deployment);
   const auto look = [&] {
     std::vector<std::optional<Word>> words;
@@ -212,7 +213,7 @@ Json look_at_deployment(const Arguments& arguments) {
         } catch (const Error& error) {  // the edge's broker is away: as it was said last
           if (error.code() == ErrorCode::kCorrupt) throw;
         }
-      words.push_back(last_word(board, program.user, now));
+      words.push_back(last_word(*board, program.user, now));
     }
     return words;
   };

@@ -9,8 +9,8 @@
 #include <mapweave/runtime/live_cloud.h>
 #include <mapweave/runtime/live_coordinator.h>
 #include <mapweave/runtime/live_status.h>
-#include <mapweave/runtime/nats_wires.h>
 #include <mapweave/runtime/page_server.h>
+#include <mapweave/runtime/wires.h>
 
 #include <nlohmann/json.hpp>
 
@@ -59,13 +59,13 @@ Deployment load_deployment(const std::filesystem::path& file, const WritingFlags
 class StatusPublisher {
  public:
   // makes: the stream at the broker where it is missing; robots with accounts may not.
-  StatusPublisher(const runtime::NatsWires& wires, std::string user, bool makes,
+  StatusPublisher(const runtime::Wires& wires, std::string user, bool makes,
                   std::function<nlohmann::ordered_json()> status)
       : board_(wires.board()), user_(std::move(user)), makes_(makes), status_(std::move(status)) {}
   void publish(bool at_once = false);  // now and then
 
  private:
-  transport::NatsBoard board_;
+  std::shared_ptr<transport::Board> board_;
   std::string user_;
   bool makes_;
   std::function<nlohmann::ordered_json()> status_;
@@ -78,13 +78,13 @@ bool is_coordinated(const Deployment& deployment);
 // The coordinator's plan, for those who follow it.
 class PlanReader {
  public:
-  PlanReader(const runtime::NatsWires& wires, const Deployment& deployment)
+  PlanReader(const runtime::Wires& wires, const Deployment& deployment)
       : plans_(wires.plans()), of_(deployment.plan), is_coordinated_(is_coordinated(deployment)) {}
   // Now and then: a newer one than before.
   std::optional<runtime::LivePlan> look();
 
  private:
-  transport::NatsBoard plans_;
+  std::shared_ptr<transport::Board> plans_;
   const runtime::RunPlan& of_;
   bool is_coordinated_, has_warned_ = false;
   std::uint64_t number_ = 0;
@@ -94,12 +94,11 @@ class PlanReader {
 // What an edge says to the coordinator of its robots' maps.
 class MapReportPublisher {
  public:
-  MapReportPublisher(const runtime::NatsWires& wires, std::string name)
-      : board_(wires.board()), name_(std::move(name)) {}
+  MapReportPublisher(const runtime::Wires& wires, std::string name) : board_(wires.board()), name_(std::move(name)) {}
   void publish(const runtime::LiveEdge& edge);  // now and then
 
  private:
-  transport::NatsBoard board_;
+  std::shared_ptr<transport::Board> board_;
   const std::string name_;
   std::string said_;
   std::chrono::steady_clock::time_point next_{}, again_{};
@@ -143,6 +142,9 @@ class RoleExtension {
   RoleExtension(const RoleExtension&) = delete;
   RoleExtension& operator=(const RoleExtension&) = delete;
 
+  // What carries its messages. edge: at whose broker it is; none: at the cloud's. By default, and where `live.broker`
+  // is not "ros", a NATS server.
+  virtual std::unique_ptr<runtime::Wires> wires(const Deployment& deployment, const std::optional<TierId>& edge) const;
   // Before the tier is made. name: the robot or edge that it is.
   virtual void begin(const Deployment&, const std::string& /*name*/, StopSignals&) {}
   // Now and then. True: the tier is asked to end as if Ctrl-C were pressed: a robot its drive, a cloud the collecting.

@@ -31,7 +31,7 @@ constexpr char kName[] = "coordinator";
 
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
-std::optional<runtime::LivePlan> last_plan(const transport::NatsBoard& plans, std::chrono::milliseconds patience) {
+std::optional<runtime::LivePlan> last_plan(const transport::Board& plans, std::chrono::milliseconds patience) {
   const auto word = plans.last(kName, patience);
   if (!word) return std::nullopt;
   return runtime::decode_live_plan(word->bytes, "the coordinator's plan");
@@ -55,15 +55,14 @@ class AnsweredTime {
 // One turn: receives what all say, decides, says the plan.
 class Coordination {
  public:
-  Coordination(const Deployment& deployment, const runtime::NatsWires& wires, std::filesystem::path out,
-               Progress& progress)
+  Coordination(const Deployment& deployment, const runtime::Wires& wires, std::filesystem::path out, Progress& progress)
       : plan_(deployment.plan),
         status_(wires.board()),
         plans_(wires.plans()),
         out_(std::move(out)),
         progress_(progress) {
-    plans_.ensure(kToConnect);
-    coordinator_.emplace(deployment.loaded.configuration, deployment.plan, last_plan(plans_, kToConnect));
+    plans_->ensure(kToConnect);
+    coordinator_.emplace(deployment.loaded.configuration, deployment.plan, last_plan(*plans_, kToConnect));
     write();
   }
 
@@ -97,7 +96,7 @@ class Coordination {
 
   template <class Receive>
   void receive(const std::string& user, Receive&& receive_it) {
-    if (const auto word = status_.last(user, kPatience)) receive_it(word->bytes);
+    if (const auto word = status_->last(user, kPatience)) receive_it(word->bytes);
   }
 
   void receive() {
@@ -113,11 +112,11 @@ class Coordination {
   }
 
   void say(const runtime::LivePlan& plan) {
-    const auto there = last_plan(plans_, kPatience);
+    const auto there = last_plan(*plans_, kPatience);
     if (there && (there->number > plan.number || (there->number == plan.number && encode(*there) != encode(plan))))
       throw Error(ErrorCode::kBadInput, "another coordinator of this deployment is at work", {},
                   "let one of the two run");
-    plans_.put(kName, encode(plan));
+    plans_->put(kName, encode(plan));
     say_again_ = Clock::now() + 2 * kBetweenLooks;
   }
 
@@ -135,8 +134,8 @@ class Coordination {
   }
 
   const runtime::RunPlan& plan_;
-  const transport::NatsBoard status_;
-  transport::NatsBoard plans_;
+  const std::shared_ptr<transport::Board> status_;
+  const std::shared_ptr<transport::Board> plans_;
   const std::filesystem::path out_;
   Progress& progress_;
   std::optional<runtime::LiveCoordinator> coordinator_;
@@ -170,7 +169,7 @@ std::optional<runtime::LivePlan> PlanReader::look() {
   if (!is_coordinated_ || now < next_) return std::nullopt;
   next_ = now + kBetweenLooks;
   try {
-    std::optional<runtime::LivePlan> plan = last_plan(plans_, kPatience);
+    std::optional<runtime::LivePlan> plan = last_plan(*plans_, kPatience);
     if (!plan || plan->number <= number_) return std::nullopt;
     expect_of(*plan, of_);
     number_ = plan->number;
@@ -191,7 +190,7 @@ void MapReportPublisher::publish(const runtime::LiveEdge& edge) {
   std::string word = runtime::pack_map_reports(reports, kMostMapBytes);
   if (reports.empty() || (word == said_ && now < again_)) return;
   again_ = now + kAgain;
-  if (board_.put(name_, word)) said_ = std::move(word);
+  if (board_->put(name_, word)) said_ = std::move(word);
 }
 
 ExitCode serve_coordinator(const RoleArguments& arguments, RoleExtension& extension) {
@@ -209,8 +208,8 @@ ExitCode serve_coordinator(const RoleArguments& arguments, RoleExtension& extens
                 "name another one in --out");
   const auto progress = make_terminal_progress();
   extension.begin(deployment, kName, signals);
-  const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
-  Coordination coordination(deployment, wires, out, *progress);
+  const std::unique_ptr<runtime::Wires> wires = extension.wires(deployment, std::nullopt);
+  Coordination coordination(deployment, *wires, out, *progress);
   const TierEnd tier_end(extension);
   runtime::LiveCoordinator& coordinator = coordination.coordinator();
   const auto status = [&] {
@@ -222,7 +221,7 @@ ExitCode serve_coordinator(const RoleArguments& arguments, RoleExtension& extens
   source.preview = [] { return nullptr; };
   LivePage page(std::move(source), deployment.live(), *progress);
   ConfigurationReload reload(arguments, deployment, signals);
-  StatusPublisher publisher(wires, kName, true, status);
+  StatusPublisher publisher(*wires, kName, true, status);
   progress->say("the coordinator writes its plans to " + (out / "plan.json").string());
   ServiceNotifier service;
   Clock::time_point next{};

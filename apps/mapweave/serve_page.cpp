@@ -55,10 +55,10 @@ void StatusPublisher::publish(bool at_once) {
   if (now < next_ && !at_once) return;
   next_ = now + kEvery;
   try {
-    if (makes_ && times_++ % kMakesAgain == 0) board_.ensure(kEvery);
+    if (makes_ && times_++ % kMakesAgain == 0) board_->ensure(kEvery);
     nlohmann::ordered_json status = status_();
     status["said_at_ns"] = now_ns();
-    board_.put(user_, status.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    board_->put(user_, status.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
   } catch (const Error& error) {
     log(LogLevel::debug, "the broker keeps no status: " + std::string(error.what()));
   }

@@ -121,6 +121,13 @@ class RobotLines {
 
 }  // namespace
 
+std::unique_ptr<runtime::Wires> RoleExtension::wires(const Deployment& deployment,
+                                                     const std::optional<TierId>& edge) const {
+  const runtime::RunConfiguration& configuration = deployment.loaded.configuration;
+  if (edge) return std::make_unique<runtime::NatsWires>(configuration, *edge, kToConnect);
+  return std::make_unique<runtime::NatsWires>(configuration, kToConnect);
+}
+
 ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   StopSignals signals(StopSignals::OnHangup::reload);
   const Deployment deployment = load_deployment(arguments.file, arguments.flags);
@@ -134,12 +141,12 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
   if (extension.has_log() && !std::filesystem::exists(planned->log, ignored))
     throw Error(ErrorCode::kMissing, "there is no log " + planned->log.string(), "robot " + name.str(),
                 "robots' logs lie on their own machines; check `log` of this one");
-  const runtime::NatsWires wires(deployment.loaded.configuration, planned->edge, kToConnect);
-  PlanReader plans(wires, deployment);
+  const std::unique_ptr<runtime::Wires> wires = extension.wires(deployment, planned->edge);
+  PlanReader plans(*wires, deployment);
   extension.begin(deployment, name.str(), signals);
   StartingRobot robot(
-      *planned, deployment.loaded.configuration, [&](const TierId& edge) { return wires.from_robot(name, edge)(); },
-      [&](const TierId& edge, int number) { return wires.from_camera(name, number, edge)(); },
+      *planned, deployment.loaded.configuration, [&](const TierId& edge) { return wires->from_robot(name, edge)(); },
+      [&](const TierId& edge, int number) { return wires->from_camera(name, number, edge)(); },
       [&] { return extension.has_log(); });
   const LogEnd log_end(robot, extension);
   const TierEnd tier_end(extension);
@@ -151,7 +158,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
     return runtime::program_status("robot", name.str(), {runtime::tier_status(name, counts.edge, counts, terms)},
                                    terms);
   };
-  StatusPublisher publisher(wires, "robot-" + name.str(), deployment.live().keys.empty(), status);
+  StatusPublisher publisher(*wires, "robot-" + name.str(), deployment.live().keys.empty(), status);
   ServiceNotifier service;
   ConfigurationReload reload(arguments, deployment, signals);
   bool is_asked = false;
@@ -195,24 +202,24 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
   extension.begin(deployment, name.str(), signals);
-  const runtime::NatsWires wires(deployment.loaded.configuration, name, kToConnect);
+  const std::unique_ptr<runtime::Wires> wires = extension.wires(deployment, name);
   const auto journal = journal_in(deployment.live(), name.str());
   {
     runtime::LiveEdge edge(name,
                            {deployment.loaded.configuration, deployment.plan, deployment.live(), pool, *progress,
                             journal, extension.shows_maps()},
-                           wires.from_edge(name));
+                           wires->from_edge(name));
     const TierEnd tier_end(extension);
     runtime::ServedWires robots([&](std::shared_ptr<transport::Channel> channel) { edge.serve(std::move(channel)); });
-    runtime::CameraWires cameras(wires, name, edge);
+    runtime::CameraWires cameras(*wires, name, edge);
     const auto add = [&](const RobotId& robot) {
-      robots.add(robot.str(), wires.at_edge(robot, name));
+      robots.add(robot.str(), wires->at_edge(robot, name));
       if (runtime::shares_cameras(deployment.loaded.configuration)) cameras.add(robot);
     };
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
       if (robot.edge == name) add(robot.id);
-    PlanReader plans(wires, deployment);
-    MapReportPublisher maps(wires, runtime::maps_word_of(name));
+    PlanReader plans(*wires, deployment);
+    MapReportPublisher maps(*wires, runtime::maps_word_of(name));
     const auto follow = [&] {
       const auto plan = plans.look();
       if (!plan) return;
@@ -229,7 +236,7 @@ ExitCode serve_edge(const RoleArguments& arguments, RoleExtension& extension) {
     };
     LivePage page(page_of("mapweave serve edge " + name.str(), deployment, edge, status), deployment.live(), *progress);
     ConfigurationReload reload(arguments, deployment, signals);
-    StatusPublisher publisher(wires, "edge-" + name.str(), true, status);
+    StatusPublisher publisher(*wires, "edge-" + name.str(), true, status);
     progress->say("edge " + name.str() + " waits for its robots; what it receives is kept in " + journal->string());
     ServiceNotifier service;
     while (!edge.counts().is_done) {
@@ -265,7 +272,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
   const auto progress = make_terminal_progress();
   extension.begin(deployment, runtime::cloud_tier().str(), signals);
   OwnBroker own_broker(deployment.loaded.configuration, *progress);
-  const runtime::NatsWires wires(deployment.loaded.configuration, kToConnect);
+  const std::unique_ptr<runtime::Wires> wires = extension.wires(deployment, std::nullopt);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;
   {
@@ -274,15 +281,15 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
                              {arguments.flags.out, arguments.flags.force, true});
     const TierEnd tier_end(extension);
     runtime::ServedWires edges([&](std::shared_ptr<transport::Channel> channel) { cloud.serve(std::move(channel)); });
-    for (const TierId& edge : deployment.plan.edges) edges.add(edge.str(), wires.at_cloud(edge));
-    PlanReader plans(wires, deployment);
+    for (const TierId& edge : deployment.plan.edges) edges.add(edge.str(), wires->at_cloud(edge));
+    PlanReader plans(*wires, deployment);
     const auto status = [&] {
       const runtime::StatusTerms terms = since.terms();
       return runtime::program_status("cloud", "cloud", {runtime::tier_status(cloud.counts(), terms)}, terms);
     };
     LivePage page(page_of("mapweave serve cloud", deployment, cloud, status), deployment.live(), *progress);
     ConfigurationReload reload(arguments, deployment, signals);
-    StatusPublisher publisher(wires, "cloud", true, status);
+    StatusPublisher publisher(*wires, "cloud", true, status);
     progress->say("the cloud waits for its edges; Ctrl-C merges what is there, and again ends at once");
     ServiceNotifier service;
     const auto asked = [&] {

@@ -1,6 +1,7 @@
 #include "roles.h"
 
 #include "ros_names.h"
+#include "ros_wires.h"
 
 #include <mapweave/core/error.h>
 #include <nlohmann/json.hpp>
@@ -22,6 +23,12 @@ std::filesystem::path requests_file(const app::Deployment& deployment) {
 }
 
 }  // namespace
+
+std::unique_ptr<runtime::Wires> NodeRole::wires(const app::Deployment& deployment,
+                                                const std::optional<TierId>& edge) const {
+  if (!deployment.live().is_over_ros()) return RoleExtension::wires(deployment, edge);
+  return std::make_unique<RosWires>(deployment.loaded.configuration, deployment.plan);
+}
 
 void NodeRole::begin(const app::Deployment& deployment, const std::string& name, app::StopSignals& stops) {
   deployment_ = &deployment;

@@ -17,6 +17,8 @@ namespace mapweave::ros_nodes {
 // What all have: the node, and its diagnostics.
 class NodeRole : public app::RoleExtension {
  public:
+  std::unique_ptr<runtime::Wires> wires(const app::Deployment& deployment,
+                                        const std::optional<TierId>& edge) const override;
   void begin(const app::Deployment& deployment, const std::string& name, app::StopSignals& stops) override;
   void leave_tier() override;
 

@@ -248,11 +248,16 @@ print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).data.count(100), len
         self.assertTrue((self.folder / "maps/team/map.pgm").exists())
 
     def test_a_robot_that_is_killed_before_all_was_sent_sends_the_rest(self):
-        port = self.start_broker()
+        self.kill_robot(self.start_broker())
+
+    def test_a_robot_that_is_killed_before_all_was_sent_sends_the_rest_over_ros(self):
+        self.kill_robot("ros")
+
+    def kill_robot(self, broker):
         self.write("team.yaml", f"""
 robots:
   - {{id: tb0, log: logs/tb0.mcap, edge: north}}
-live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
+live: {{broker: "{broker}", preview_period_s: 0.5, store: store}}
 """)
         cloud = self.begin(NODES, "cloud", "team.yaml", "--out", "maps")
         edge = self.begin(NODES, "edge", "team.yaml", "--name", "north")
@@ -285,14 +290,31 @@ live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
         self.assertIn("move it away", refused.log.read_text())
 
     def test_programs_of_a_deployment_are_nodes_too(self):
-        port = self.start_broker()
+        self.deploy(self.start_broker())
+
+    def test_programs_of_a_deployment_talk_over_ros_and_follow_a_coordinator(self):
+        self.deploy("ros", "coordinator: {method: default, overlap_period_s: 1}")
+        plan = self.read_json("plans/plan.json")
+        self.assertTrue(plan["final"] and plan["done"], plan)
+
+    def test_what_topics_cannot_do_is_said(self):
+        self.write("team.yaml", "robots: [{id: tb0, log: logs/tb0.mcap, edge: north}]\nlive: {broker: ros}\n")
+        for setting, words in (("live.keys=edge-north.keys", "topics of ROS know no keys"), ("edges=[{id: north, broker: 'nats://10.0.0.2:4222'}]", "a broker of its own")):
+            edge = self.begin(NODES, "edge", "team.yaml", "--name", "north", "--set", setting)
+            edge.wait(30 * support.PATIENCE)
+            self.assertEqual(edge.returncode, support.BAD_INPUT)
+            self.assertIn(words, edge.log.read_text())
+
+    def deploy(self, broker, coordinated=""):
         self.write("team.yaml", f"""
 robots:
   - {{id: tb0, log: logs/tb0.mcap, edge: north}}
   - {{id: tb1, log: logs/tb1.mcap, edge: south}}
-live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
+live: {{broker: "{broker}", preview_period_s: 0.5, store: store}}
+{coordinated}
 """)
         cloud = self.begin(NODES, "cloud", "team.yaml", "--out", "maps")
+        others = [self.begin(NODES, "coordinator", "team.yaml", "--out", "plans")] if coordinated else []
         edges = [self.begin(NODES, "edge", "team.yaml", "--name", name) for name in ("north", "south")]
         robots = [self.begin(NODES, "robot", "team.yaml", "--name", name) for name in SHIFTS]
         player = self.play(drives(), 4.0, 1, "keep")
@@ -305,10 +327,10 @@ print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).header.frame_id, ros
 """).stdout)
         for robot in SHIFTS:
             self.call(f"/{robot}/finish", "std_srvs/Trigger")
-        for process in [cloud, *edges, *robots]:
+        for process in [cloud, *edges, *robots, *others]:
             process.wait(120 * support.PATIENCE)
-        done = self.mapweave("run", "team.yaml", "--out", "batch")
-        for process in [*edges, *robots]:
+        done = self.mapweave("run", "team.yaml", "--out", "batch", *(["--set", "coordinator.method=none"] if coordinated else []))
+        for process in [*edges, *robots, *others]:
             self.assertEqual(process.returncode, 0, process.log.read_text())
         self.assertEqual(cloud.returncode, done.returncode, cloud.log.read_text())
         for result in [*(self.folder / "batch").glob("team*/map.mwdb"), *(self.folder / "batch/robots").glob("*/map.mwdb")]:

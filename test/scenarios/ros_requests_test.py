@@ -83,7 +83,7 @@ rospy.sleep(0.5)
         return listener
 
     def test_a_coordinator_that_is_asked_plans_anew_and_shows_its_plan(self):
-        port = self.start_broker()
+        broker = self.start_broker()
         self.write("model.json", json.dumps({"edge_fusion": {"fixed_s": 0, "per_scan_s": 0, "per_scan_pair_s": 1.0, "per_shared_scan_s": 0}}))
         # All on one edge, and it decides by itself only where a robot comes.
         self.write("team.yaml", f"""
@@ -92,7 +92,7 @@ robots:
   - {{id: tb1, log: logs/tb1.mcap, edge: north}}
 edges: [{{id: north}}, {{id: south}}]
 coordinator: {{method: default, model: model.json, overlap_period_s: 1000}}
-live: {{broker: "nats://127.0.0.1:{port}", preview_period_s: 0.5, store: store}}
+live: {{broker: "{broker}", preview_period_s: 0.5, store: store}}
 """)
         cloud = self.begin(NODES, "cloud", "team.yaml", "--out", "maps")
         edges = [self.begin(NODES, "edge", "team.yaml", "--name", name) for name in ("north", "south")]

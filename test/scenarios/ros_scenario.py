@@ -117,4 +117,4 @@ class RosScenario(support.Scenario):
         port = free_port()
         broker = self.begin(serve_test.BROKER, "-js", "-a", "127.0.0.1", "-p", port, "-sd", self.folder / "broker")
         self.await_word(broker, "Server is ready")
-        return port
+        return f"nats://127.0.0.1:{port}"

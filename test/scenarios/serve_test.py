@@ -508,6 +508,8 @@ class Serve(WithBroker):
         self.assert_says(done, "mode: offload")
         self.assert_says(self.mapweave("doctor", "logs/run.yaml", *nowhere, code=support.UNANSWERED), "cannot be reached")
         self.assertIn("nothing is wrong", self.mapweave("doctor").stdout)
+        done = self.mapweave("serve", "edge", "logs/run.yaml", "--name", "north", "--set", "live.broker=ros", code=support.BAD_INPUT)
+        self.assert_says(done, "only nodes of ROS", "mapweave_ros")
         done = self.mapweave("serve", "robot", "logs/run.yaml", "--name", "alpha", *nowhere, code=support.UNANSWERED)
         self.assert_says(done, nowhere[1].split("=")[1].removeprefix("nats://"))
 

@@ -2,7 +2,6 @@
 #include <mapweave/core/log.h>
 #include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/nats_wires.h>
-#include <mapweave/tiers/subjects.h>
 #include <mapweave/transport/nats_channel.h>
 #include <mapweave/transport/nats_stream.h>
 
@@ -12,7 +11,6 @@
 namespace mapweave::runtime {
 namespace {
 
-constexpr std::size_t kLongestMessage = std::size_t{64} << 20;
 constexpr std::uint64_t kCameraStream = std::uint64_t{128} << 20;  // bytes
 constexpr int kCameraClasses = 2;                                  // see with_cameras()
 
@@ -58,21 +56,16 @@ transport::NatsChannelOptions across_brokers(transport::NatsChannelOptions optio
   return options;
 }
 
-// Who was lost and asks where it is, and what says that something is stored, overtake maps and what is shared. No map
-// is one message here.
 transport::NatsChannelOptions with_cameras(transport::NatsChannelOptions options, std::size_t queue_bytes) {
-  namespace subject = tiers::subject;
-  options.priorities = {{subject::kHello, subject::kPlaceRequest, subject::kWelcome, subject::kReceipts,
-                         subject::kPlace, subject::kRefusal}};
+  options.priorities = urgent_of_cameras();
   options.out.stream_bytes = options.in.stream_bytes = kCameraStream;
   options.limits.bytes = queue_bytes;
   return options;
 }
 
-// A robot's whole map is one message.
 transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
-  options.limits.bytes = kLongestMessage;
-  options.received.message_bytes = kLongestMessage;
+  options.limits.bytes = kLongestOfMaps;
+  options.received.message_bytes = kLongestOfMaps;
   return options;
 }
 
@@ -214,6 +207,9 @@ NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& l
     : camera_queue_bytes_(static_cast<std::size_t>(live.map_server.queue_kb) << 10), edges_(configuration.edges) {
   transport::NatsOptions options;
   const std::string broker = live.broker_url();
+  if (live.is_over_ros())
+    throw Error(ErrorCode::kBadInput, "only nodes of ROS talk over ROS", "live.broker",
+                "start the programs as nodes (mapweave_ros), or name a NATS server");
   options.url = broker;
   if (!live.keys.empty()) {
     const ProgramKeys keys = read_program_keys(live.keys);
@@ -267,7 +263,9 @@ std::string NatsWires::domain_at(const TierId& edge) const {
   return "";
 }
 
-transport::NatsBoard NatsWires::board() const { return {connection_, kBoard}; }
+std::shared_ptr<transport::Board> NatsWires::board() const {
+  return std::make_shared<transport::NatsBoard>(connection_, kBoard);
+}
 transport::NatsBoard NatsWires::board_of_workers() const { return {connection_, kWorkers}; }
 Connect NatsWires::to_worker(const std::string& worker) const {
   return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::opens)));
@@ -280,45 +278,8 @@ std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) cons
   if (domain.empty()) return std::nullopt;
   return transport::NatsBoard(connection_, kBoard, domain);
 }
-transport::NatsBoard NatsWires::plans() const { return {connection_, kPlans}; }
-
-void ServedWires::remove(const std::string& name) {
-  const auto wire = wires_.find(name);
-  if (wire == wires_.end()) return;
-  if (wire->second.channel != nullptr) wire->second.channel->close();
-  wires_.erase(wire);
-}
-
-void ServedWires::keep() {
-  for (auto& [name, wire] : wires_)
-    if (wire.channel == nullptr || wire.channel->is_closed()) {
-      wire.channel = wire.accept();
-      serve_(wire.channel);
-    }
-}
-
-CameraWires::CameraWires(const NatsWires& wires, const TierId& edge, LiveEdge& server)
-    : wires_(wires), edge_(edge), server_(server) {}
-
-void CameraWires::add(const RobotId& robot) {
-  robots_.try_emplace(robot, [&server = server_, robot](std::shared_ptr<transport::Channel> channel) {
-    server.serve_camera(robot, std::move(channel));
-  });
-}
-
-void CameraWires::keep() {
-  constexpr std::chrono::milliseconds kBetween{500};
-  const auto now = std::chrono::steady_clock::now();
-  const bool looks = now >= next_;
-  if (looks) next_ = now + kBetween;
-  for (auto& [id, robot] : robots_) {
-    if (looks) {
-      const std::size_t wanted = std::min(server_.cameras_of(id) + 1, kMostSharingCameras);
-      for (; robot.count < wanted; ++robot.count)
-        robot.wires.add(std::to_string(robot.count), wires_.at_map_server(id, static_cast<int>(robot.count), edge_));
-    }
-    robot.wires.keep();
-  }
+std::shared_ptr<transport::Board> NatsWires::plans() const {
+  return std::make_shared<transport::NatsBoard>(connection_, kPlans);
 }
 
 }  // namespace mapweave::runtime

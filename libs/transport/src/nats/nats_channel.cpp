@@ -2,26 +2,10 @@
 
 #include <mapweave/core/error.h>
 
-#include <numeric>
-#include <random>
-
 namespace mapweave::transport {
 
-using std::chrono::milliseconds;
-
-namespace {
-
-std::uint64_t random_number() {
-  std::random_device device;
-  std::uint64_t number = 0;
-  while (number == 0) number = std::uint64_t{device()} << 32 | device();
-  return number;
-}
-
-}  // namespace
-
 NatsChannel::NatsChannel(std::shared_ptr<NatsConnection> connection, NatsChannelOptions options)
-    : state_(std::make_shared<State>(std::move(connection), std::move(options), random_number())) {
+    : state_(std::make_shared<State>(std::move(connection), std::move(options), random_session())) {
   state_->open();
   state_->thread = std::thread([state = state_] { state->run(); });
 }
@@ -42,51 +26,14 @@ NatsChannel::~NatsChannel() {
     state_->thread.join();
 }
 
-Channel::Sent NatsChannel::send(Envelope envelope) {
-  const std::lock_guard lock(state_->mutex);
-  if (state_->is_closed()) return Sent::never;
-  const std::size_t priority = state_->priority_of(envelope.subject);
-  const Sent sent = state_->sender.put(std::move(envelope), priority);
-  if (sent == Sent::taken) state_->stir();
-  return sent;
+Channel::Sent NatsChannel::send(Envelope envelope) { return state_->send(std::move(envelope)); }
+std::size_t NatsChannel::in_flight_bytes() const { return state_->in_flight_bytes(); }
+std::vector<Channel::Delivery> NatsChannel::receive(std::chrono::milliseconds patience) {
+  return state_->receive(patience);
 }
-
-std::size_t NatsChannel::in_flight_bytes() const {
-  const std::lock_guard lock(state_->mutex);
-  return state_->sender.bytes();
-}
-
-std::vector<Channel::Delivery> NatsChannel::receive(milliseconds patience) {
-  std::unique_lock lock(state_->mutex);
-  state_->came.wait_for(lock, patience, [&] { return state_->is_closed() || state_->receiver.has_ready(); });
-  return state_->receiver.take();
-}
-
-void NatsChannel::acknowledge(std::uint64_t delivery) {
-  const std::lock_guard lock(state_->mutex);
-  state_->receiver.acknowledge(delivery);
-  state_->stir();
-}
-
-void NatsChannel::set_listener(std::function<void()> listener) {
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->listener = listener;
-  }
-  if (listener) listener();
-}
-
-void NatsChannel::close() {
-  const std::lock_guard lock(state_->mutex);
-  if (std::exchange(state_->closes, true)) return;
-  state_->linger_until_s = state_->now_s() + state_->options.linger_s;
-  if (state_->options.linger_s > 0.0 && !state_->receiver.is_closed()) {
-    state_->sender.put({}, 0, WireKind::closes);
-    state_->receiver.close();
-  }
-  state_->came.notify_all();
-  state_->stir();
-}
+void NatsChannel::acknowledge(std::uint64_t delivery) { state_->acknowledge(delivery); }
+void NatsChannel::set_listener(std::function<void()> listener) { state_->set_listener(std::move(listener)); }
+void NatsChannel::close() { state_->close(); }
 
 bool NatsChannel::is_closed() const {
   const std::lock_guard lock(state_->mutex);
@@ -97,6 +44,7 @@ NatsChannelState NatsChannel::state() const {
   const std::lock_guard lock(state_->mutex);
   const double now_s = state_->now_s();
   NatsChannelState shown = state_->shown;
+  shown.unconfirmed_parts = state_->unconfirmed_parts;
   shown.is_open = state_->receiver.session() != 0 && state_->received_at_s.has_value() && !state_->is_closed();
   shown.in_flight_bytes = state_->sender.bytes();
   if (const auto since = state_->sender.full_since_s()) shown.full_s = now_s - *since;
@@ -110,9 +58,13 @@ NatsChannelState NatsChannel::state() const {
 }
 
 Channel::Health NatsChannel::health() const {
-  const NatsChannelState now = state();
-  return {std::accumulate(now.refused.begin(), now.refused.end(), std::uint64_t{0}), now.received.skipped,
-          now.unconfirmed_parts, now.full_s, now.trouble};
+  Health health;
+  {
+    const std::lock_guard lock(state_->mutex);
+    health = state_->health_now();
+  }
+  health.trouble = state().trouble;
+  return health;
 }
 
 std::optional<Channel::Measured> NatsChannel::bytes_per_s() const {

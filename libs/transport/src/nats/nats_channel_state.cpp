@@ -41,37 +41,23 @@ ConsumerOptions consumer_options(const NatsRoute& route, std::size_t priority, c
 }
 
 // Half of the stream at most is not acknowledged: what is can always be taken away, so that the rest finds room.
-ChannelSenderOptions sender_options(const NatsChannelOptions& options) {
+ChannelEndOptions end_options_of(const NatsChannelOptions& options) {
   ChannelLimits limits = options.limits;
   limits.bytes = std::min<std::uint64_t>(limits.bytes, options.out.stream_bytes / 2);
-  return {options.priorities.size() + 1, limits, options.received.message_bytes};
-}
-ChannelReceiverOptions receiver_options(const NatsChannelOptions& options, std::uint64_t session) {
-  const bool accepts = options.side == NatsChannelSide::accepts;
-  return {accepts, accepts ? 0 : session, options.priorities.size() + 1, options.received, options.missing_s, 3.0};
+  return {options.side == NatsChannelSide::opens,
+          options.priorities,
+          {options.priorities.size() + 1, limits, options.received.message_bytes},
+          options.received,
+          options.missing_s,
+          options.linger_s};
 }
 
 }  // namespace
 
 NatsChannel::State::State(std::shared_ptr<NatsConnection> made, NatsChannelOptions given, std::uint64_t number)
-    : connection(std::move(made)),
-      options(std::move(given)),
-      incarnation(number),
-      sender(sender_options(options)),
-      receiver(receiver_options(options, number)) {
+    : ChannelEnd(end_options_of(given), number), connection(std::move(made)), options(std::move(given)) {
   MAPWEAVE_EXPECT(!options.peer.empty() && !options.out.streams.empty() && !options.in.streams.empty(),
                   "a channel has a name and two directions");
-  if (options.side == NatsChannelSide::opens) sender.begin(incarnation);
-  // Its bytes are no other's, so that the other end sees that this program was started again.
-  sender.put({"", std::to_string(incarnation)}, 0, WireKind::opens);
-}
-
-std::size_t NatsChannel::State::priority_of(const std::string& subject) const {
-  for (std::size_t priority = 0; priority < options.priorities.size(); ++priority) {
-    const auto& subjects = options.priorities[priority];
-    if (std::find(subjects.begin(), subjects.end(), subject) != subjects.end()) return priority;
-  }
-  return options.priorities.size();
 }
 
 void NatsChannel::State::open() {
@@ -162,7 +148,6 @@ void NatsChannel::State::on_state_in(std::size_t priority, const std::optional<C
 
 void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& message) {
   if (message.subject.empty()) return;
-  bool is_news = false;
   {
     const std::lock_guard lock(mutex);
     Incoming& one = in[priority];
@@ -181,28 +166,13 @@ void NatsChannel::State::on_delivery(std::size_t priority, const NatsMessage& me
     one.bytes_since_purge += message.bytes.size();
     one.delivered_s = now_s();
     one.times_silent = 0;
-    const bool was_closed = receiver.is_closed();
-    receiver.add(priority, message.bytes, message.reply, now_s());
-    received_at_s = now_s();
-    if (sender.session() == 0 && receiver.session() != 0) sender.begin(receiver.session());
-    is_news = receiver.has_ready() || receiver.is_closed() != was_closed;
-    if (is_news) came.notify_all();
   }
-  if (is_news) call_listener();
+  take(priority, message.bytes, message.reply);
 }
 
 // Said again and again until it is made.
 void NatsChannel::State::found_gone() {
   if (now_s() - gone_s > kMostEnsure_s) gone_s = now_s();
-}
-
-void NatsChannel::State::call_listener() {
-  std::function<void()> call;
-  {
-    const std::lock_guard lock(mutex);
-    call = listener;
-  }
-  if (call) call();
 }
 
 void NatsChannel::State::run() {
@@ -248,7 +218,7 @@ double NatsChannel::State::wait_s() const {
 // Under the lock: closed, and what was sent is with the broker, or cannot get there.
 bool NatsChannel::State::is_done() {
   if (!ends) return false;
-  return sender.session() == 0 || sender.is_idle() || !connection->state().is_connected;
+  return is_said() || !connection->state().is_connected;
 }
 
 // Whether it worked; why not is what holds the channel up. Said when it stays so: ends may start in any order.
@@ -338,7 +308,7 @@ void NatsChannel::State::publish() {
     std::optional<ChannelSender::Part> part;
     {
       const std::lock_guard lock(mutex);
-      shown.unconfirmed_parts += sender.expire(now_s());
+      unconfirmed_parts += sender.expire(now_s());
       part = sender.next(now_s());
       if (part) {
         ++shown.sent_parts;
@@ -442,13 +412,8 @@ void NatsChannel::State::tick_receiver() {
       });
     }
   }
-  end_unknown_sessions(unknown);
-}
-
-void NatsChannel::State::end_unknown_sessions(const std::vector<std::uint64_t>& sessions) {
-  for (const std::uint64_t session : sessions) {
-    const WireMessage end({"", std::to_string(incarnation)}, WireKind::closes, 0, session, kEndNumber, 4096);
-    connection->publish(out.front().readers.options().subject, end.part(0));
+  for (const std::uint64_t session : unknown) {
+    connection->publish(out.front().readers.options().subject, end_of(session));
     log(LogLevel::info, options.peer + ": closed a session that was opened before this program began");
   }
 }

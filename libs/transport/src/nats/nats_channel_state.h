@@ -1,29 +1,20 @@
 #pragma once
 // What the thread of a channel's end does: parts to the broker, parts from it, and what both say of each other.
 
+#include "wire/channel_end.h"
+
 #include <mapweave/transport/nats_channel.h>
 #include <mapweave/transport/nats_stream.h>
 
-#include <condition_variable>
-#include <mutex>
 #include <thread>
 
 namespace mapweave::transport {
 
-struct NatsChannel::State : std::enable_shared_from_this<State> {
+struct NatsChannel::State : ChannelEnd, std::enable_shared_from_this<State> {
   State(std::shared_ptr<NatsConnection> made, NatsChannelOptions given, std::uint64_t number);
   // Inboxes; before the thread begins.
   void open();
   void run();
-
-  double now_s() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count(); }
-  std::size_t priority_of(const std::string& subject) const;
-  bool is_closed() const { return closes || receiver.is_closed(); }
-  // Under the lock: there is work for the thread.
-  void stir() {
-    is_stirred = true;
-    changed.notify_all();
-  }
 
   // One direction of one class.
   struct Outgoing {
@@ -48,24 +39,14 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
     std::uint64_t bytes_since_purge = 0;  // delivered
   };
 
-  const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   const std::shared_ptr<NatsConnection> connection;
   const NatsChannelOptions options;
-  const std::uint64_t incarnation;  // a random number: of its session, or of who accepts
   std::unique_ptr<NatsInbox> answers;
   std::vector<Outgoing> out;
   std::vector<Incoming> in;
   std::thread thread;
 
-  std::mutex mutex;
-  std::condition_variable changed, came;  // for the thread; for who receives
-  ChannelSender sender;
-  ChannelReceiver receiver;
-  std::function<void()> listener;
   NatsChannelState shown;
-  std::optional<double> received_at_s;
-  bool closes = false, ends = false, is_stirred = false;
-  double linger_until_s = 0.0;
 
  private:
   // On the connection's thread.
@@ -73,7 +54,6 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
   void on_delivery(std::size_t priority, const NatsMessage& message);
   void on_state_out(std::size_t priority, const std::optional<ConsumerState>& state);
   void on_state_in(std::size_t priority, const std::optional<ConsumerState>& state);
-  void call_listener();
   void found_gone();  // under the lock: a stream or consumer
 
   // On its own thread.
@@ -88,7 +68,6 @@ struct NatsChannel::State : std::enable_shared_from_this<State> {
   void ask_states();
   void keep_held();
   void tick_receiver();
-  void end_unknown_sessions(const std::vector<std::uint64_t>& sessions);
   bool is_done();
 
   std::uint64_t generation = 0;

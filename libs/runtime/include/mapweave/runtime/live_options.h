@@ -64,6 +64,7 @@ struct LiveOptions {
   int page_port = 0;
   LiveWireOptions wire;
   LiveServerOptions map_server;
+  bool is_over_ros() const { return broker == "ros"; }
   std::string broker_url() const { return broker.empty() ? "nats://127.0.0.1:" + std::to_string(kBrokerPort) : broker; }
   // What a program can take while it runs; the rest stays.
   void take_while_running(const LiveOptions& news) {
@@ -82,7 +83,8 @@ struct LiveOptions {
     v.text(
         "broker", broker,
         "NATS server with JetStream through which robots, edges and the cloud talk (serve): nats://host:port; empty: "
-        "nats://127.0.0.1:4222, where the cloud starts one unless one answers there");
+        "nats://127.0.0.1:4222, where the cloud starts one unless one answers there; ros: topics of ROS, for nodes "
+        "(mapweave_ros)");
     v.text("keys", keys,
            "file that `mapweave serve keys` made for this program: its user, its password and the certificate by which "
            "it knows the broker (serve); empty: none, for a broker on this machine");
