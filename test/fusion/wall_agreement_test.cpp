@@ -238,7 +238,7 @@ TEST_F(WallAgreementOfTwoRobots, holds_what_is_in_doubt_against_the_walls_around
         compare_by_region({one_.at(frame, 0), other_at(compose(frame, compose(one_from_other(), aside)))}, sight_of_);
     RegionAgreement most;
     for (const RegionAgreement& region : regions) {
-      const RegionAgreement around = region.centred();
+      const RegionAgreement around = region.in(region.centred);
       EXPECT_LE(std::abs(around.x_m - region.x_m), 0.5 * RegionAgreement::kSide_m + 1.0) << "its middle is in it";
       EXPECT_LE(std::abs(around.y_m - region.y_m), 0.5 * RegionAgreement::kSide_m + 1.0);
       if (in_doubt_m(around) > in_doubt_m(most)) most = around;
