@@ -66,7 +66,8 @@ struct DirectChannel::State : ChannelEnd {
   std::thread thread;
 };
 
-// A part is acknowledged by "<class> <number>". One that comes again while it waits has its number already.
+// A part is acknowledged by "<class> <number>". One that comes again while it waits has its number already. Of another
+// session only the beginning counts, which ends this one, and nothing is confirmed: it is the next channel's.
 void DirectChannel::take(std::string_view packet) {
   State& state = *state_;
   if (packet.empty()) return;
@@ -79,25 +80,36 @@ void DirectChannel::take(std::string_view packet) {
   const auto decoded = decode_part(bytes);
   const auto* part = std::get_if<WirePart>(&decoded);
   std::uint64_t number = 0;
+  State::Incoming& one = state.in[priority];
   {
     const std::lock_guard lock(state.mutex);
-    if (part != nullptr && state.ended.count(part->header.session) > 0) return void(state.ends_again = true);
-    State::Incoming& one = state.in[priority];
-    if (one.numbers.size() >= kMostParts) return;  // it comes again
-    bool is_new = true;
-    number = one.last + 1;
+    if (state.is_closed()) return;
     if (part != nullptr) {
-      const auto known = one.numbers.emplace(PartKey{part->header.session, part->header.number, part->part}, number);
-      is_new = known.second;
-      number = known.first->second;
+      const WireHeader& header = part->header;
+      if (state.ended.count(header.session) > 0) return void(state.ends_again = true);
+      if (state.receiver.session() != 0 && header.session != state.receiver.session()) {
+        if (header.kind != WireKind::opens) return;
+      } else if (one.numbers.size() >= kMostParts) {
+        return;  // it comes again
+      } else {
+        const auto known = one.numbers.emplace(PartKey{header.session, header.number, part->part}, one.last + 1);
+        number = known.first->second;
+        if (!known.second) {
+          one.new_parts.emplace_back(token, number);
+          state.has_news = true;
+          return state.stir();
+        }
+        one.last = number;
+      }
     }
-    if (is_new) ++one.last;
-    if (token != 0) one.new_parts.emplace_back(token, number);
-    state.has_news = true;
-    state.stir();
-    if (!is_new) return;
   }
-  state.ChannelEnd::take(priority, bytes, std::to_string(priority) + " " + std::to_string(number));
+  state.ChannelEnd::take(priority, bytes,
+                         number == 0 ? std::string() : std::to_string(priority) + " " + std::to_string(number));
+  if (number == 0) return;
+  const std::lock_guard lock(state.mutex);
+  one.new_parts.emplace_back(token, number);
+  state.has_news = true;
+  state.stir();
 }
 
 // Entries: class, token and number of a part that came; or 255, a class, and the number up to which it is acknowledged.
@@ -125,6 +137,7 @@ void DirectChannel::State::take_note(std::string_view note) {
 // Under the lock: what the receiver has done with, up to the first part of each class with which it has not.
 void DirectChannel::State::note_acknowledged() {
   const auto done = [&](const std::string& reply) {
+    if (reply.empty()) return;
     const std::size_t space = reply.find(' ');
     Incoming& one = in.at(std::stoul(reply.substr(0, space)));
     if (const auto number = std::stoull(reply.substr(space + 1)); number > one.acknowledged) one.beyond.insert(number);
@@ -148,6 +161,7 @@ void DirectChannel::State::say_note() {
   std::string note(1, kNote);
   {
     const std::lock_guard lock(mutex);
+    if (is_closed()) return;
     note_acknowledged();
     // The last one may have been lost.
     const bool is_due = now_s() - said_s >= kSayAgain_s && receiver.session() != 0;
