@@ -128,7 +128,8 @@ TEST_F(BagCameras, a_fisheye_lens_that_makes_no_sense_or_measures_depth_is_refus
 TEST_F(BagCameras, without_a_calibration_that_is_said) {
   testing::internal::CaptureStderr();
   const auto reading = read({grey("/lonely/image_raw", 1.0)});
-  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("camera 'lonely' has no calibration"));
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("camera 'lonely' has no calibration: no topic lonely/camera_info is there"));
   ASSERT_EQ(reading.records.size(), 1U);
   EXPECT_DOUBLE_EQ(as<CObservationImage>(reading.records[0]).cameraParams.fx(), 0.0);
 }

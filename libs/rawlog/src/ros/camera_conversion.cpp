@@ -86,7 +86,8 @@ mrpt::img::TCamera CameraConversion::calibration_of(bool second, std::size_t col
   say_once(bag_ + ": camera '" + camera_.label + "' has no calibration: " +
            ((second ? camera_.second_calibration : camera_.first_calibration)
                 ? "its camera_info has none"
-                : "there is no camera_info beside its pictures"));
+                : "no topic " + (second ? camera_.second_camera_info : camera_.first_camera_info) +
+                      " is there; record it with its pictures, or name it in reading.topics"));
   camera.ncols = static_cast<std::uint32_t>(columns);
   camera.nrows = static_cast<std::uint32_t>(rows);
   camera.setIntrinsicParamsFromValues(0.0, 0.0, 0.0, 0.0);

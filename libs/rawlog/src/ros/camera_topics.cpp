@@ -111,8 +111,10 @@ void add_camera(BagCameraKind kind, const std::string& label, OneCamera& first, 
   BagCamera camera;
   camera.kind = kind;
   camera.label = label;
-  const auto add = [&](OneCamera& one, std::optional<std::size_t>& picture, std::optional<std::size_t>& calibration) {
+  const auto add = [&](OneCamera& one, std::optional<std::size_t>& picture, std::optional<std::size_t>& calibration,
+                       std::string& camera_info) {
     one.is_paired = true;
+    camera_info = one.picture.folder + (one.picture.folder.empty() ? "" : "/") + "camera_info";
     picture = add_topic(*one.picture.topic, one.picture.is_depth ? TopicRole::depth_image : TopicRole::image, label,
                         index, chosen);
     if (one.calibration != nullptr && !is_chosen(*one.calibration, chosen))
@@ -120,14 +122,14 @@ void add_camera(BagCameraKind kind, const std::string& label, OneCamera& first, 
   };
   const bool is_depth_alone = kind == BagCameraKind::depth && second == nullptr;
   if (is_depth_alone) {
-    add(first, camera.second, camera.second_calibration);
+    add(first, camera.second, camera.second_calibration, camera.second_camera_info);
     camera.second_is_rectified = is_rectified(first.picture);
   } else {
-    add(first, camera.first, camera.first_calibration);
+    add(first, camera.first, camera.first_calibration, camera.first_camera_info);
     camera.first_is_rectified = is_rectified(first.picture);
   }
   if (second != nullptr) {
-    add(*second, camera.second, camera.second_calibration);
+    add(*second, camera.second, camera.second_calibration, camera.second_camera_info);
     camera.second_is_rectified = is_rectified(second->picture);
   }
   chosen.cameras.push_back(std::move(camera));

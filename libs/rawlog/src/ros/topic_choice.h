@@ -47,6 +47,8 @@ struct BagCamera {
   std::optional<std::size_t> first, second;
   std::optional<std::size_t> first_calibration, second_calibration;
   bool first_is_rectified = false, second_is_rectified = false;
+  // Topics at which their calibrations are expected, below the robot's namespace.
+  std::string first_camera_info, second_camera_info;
 };
 
 struct ChosenTopics {
