@@ -203,10 +203,7 @@ print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).data.count(100), len
         player = self.play(drives(), 4.0, 1, "keep")
         self.await_word(player, "begins")
         time.sleep(0.5)
-        self.master.kill()
-        self.master.wait()
-        time.sleep(0.5)
-        self.start_master()
+        self.restart_master()
         self.await_word(player, "ended")
         self.await_word(node, "registers anew")
         self.finish(node)
@@ -338,10 +335,7 @@ live: {{broker: "{broker}", preview_period_s: 0.5, store: store}}
         if coordinated:   # what programs say of themselves, and the plan, are with the master
             self.await_word(player, "begins")
             time.sleep(0.5)
-            self.master.kill()
-            self.master.wait()
-            time.sleep(0.5)
-            self.start_master()
+            self.restart_master()
         self.await_word(player, "ended")
         self.assertIn("tb0", self.run_python("""
 import rospy

@@ -50,6 +50,13 @@ class RosScenario(support.Scenario):
         self.master = self.begin("rosmaster", "--core", "-p", self.port)
         self.await_(lambda: self.run_python("import rosgraph; rosgraph.Master('/t').getPid()", check=False).returncode == 0, "the master")
 
+    def restart_master(self):
+        """It forgets everything."""
+        self.master.kill()
+        self.master.wait()
+        time.sleep(0.5)
+        self.start_master()
+
     def begin(self, *command, **variables):
         name = pathlib.Path(str(command[0])).name + str(len(list(self.folder.glob("*.log"))))
         log = (self.folder / f"{name}.log").open("w+")
