@@ -23,6 +23,7 @@ TEST(MergedMaps, come_back_as_they_were) {
   EXPECT_TRUE(std::signbit(back.matches[0].from_from_to.y)) << "bit for bit";
   EXPECT_EQ(back.matches[0].information, sent.matches[0].information);
   EXPECT_FALSE(back.matches[0].is_observable);
+  EXPECT_TRUE(back.matches[0].overrules_own);
   EXPECT_EQ(back.judgements[0].id, hash_of(7));
   EXPECT_EQ(back.constraints[0].id, sent.constraints[0].id);
   EXPECT_EQ(encode(back), encode(sent));

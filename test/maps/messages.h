@@ -108,6 +108,7 @@ inline MergedMaps merged_maps() {
   match.information << 4, 1, 0, 1, 5, 2, 0, 2, 6;
   match.probability = 0.9;
   match.is_observable = false;
+  match.overrules_own = true;
   match.judgement = hash_of(7);
   merged.matches = {match};
   merged.constraints = {planar_constraint({ConstraintKind::scan_match, {kAlphaLaser, 2}, {kBetaLaser, 0}, 1},

@@ -98,6 +98,7 @@ void fill(form::MergedMaps::Match& form, const MatchedSubmaps& match, const Sess
     for (int column = row; column < 3; ++column) form.add_information(match.information(row, column));
   form.set_probability(match.probability);
   form.set_slides(!match.is_observable);
+  form.set_overrules_own(match.overrules_own);
   form.set_judgement(std::string(match.judgement.bytes.begin(), match.judgement.bytes.end()));
 }
 
@@ -114,6 +115,7 @@ MatchedSubmaps match_of(const form::MergedMaps::Match& form, const FormReader& r
   match.probability = form.probability();
   match.is_observable = !form.slides();
   match.judgement = reader.hash(form.judgement());
+  match.overrules_own = form.overrules_own();
   return match;
 }
 

@@ -83,8 +83,7 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
         prepared.representatives.push_back(i);
     if (prepared.representatives.size() >= std::min(kFewestPlaces, facts.size()) || stride < 0.1) break;
   }
-  prepared.walls.resize(facts.size());
-  for (const std::size_t s : prepared.representatives) prepared.walls[s] = std::move(facts[s].walls);
+  for (Facts& fact : facts) prepared.walls.push_back(std::move(fact.walls));
   return prepared;
 }
 

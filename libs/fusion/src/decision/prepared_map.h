@@ -17,10 +17,9 @@ struct PreparedMap {
   std::vector<matching::Point2f> centres;  // of walls, in the map's frame
   std::vector<std::vector<matching::RingKey>> keys, far_keys;
   std::vector<float> radii_m;
-  std::vector<Hash> fingerprints;            // of the walls: names play no part
-  std::vector<std::size_t> representatives;  // numbers of submaps: what the first search compares
-  std::vector<std::vector<matching::WallPoint>>
-      walls;  // of the representatives, in their submaps' frames; of others none
+  std::vector<Hash> fingerprints;                       // of the walls: names play no part
+  std::vector<std::size_t> representatives;             // numbers of submaps: what the first search compares
+  std::vector<std::vector<matching::WallPoint>> walls;  // in their submaps' frames
   bool is_grid = false;
   double scans_per_scan = 1.0;  // of a map that was thinned: how many each scan that is left stands for
   double walls_m = 0.0;  // length of all walls, each place counted once (cells of 0.1 m, by the side that they face)

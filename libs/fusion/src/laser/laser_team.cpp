@@ -6,14 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <tuple>
 
 namespace mapweave::fusion {
 namespace {
 
 constexpr int kMostRounds = 32;
-constexpr int kMostMendings = 6;                            // of a team
 constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // questions of a pair of maps: more than a pair has
 
 }  // namespace
@@ -43,15 +41,17 @@ const LaserTeam* LaserMerger::team_of(std::size_t map) const {
   return team == teams_.end() ? nullptr : &*team;
 }
 
+PlacedSubmap LaserMerger::placed_submap(std::size_t map, std::size_t submap, const Pose2& pose) const {
+  const PreparedMap& of = maps_[map];
+  const Eigen::Vector2d middle = middle_of(of, submap, pose);
+  const double radius_m = of.radii_m[submap];
+  return {graph_.number(map, submap), pose, middle.x(), middle.y(), radius_m, &of.walls[submap]};
+}
+
 std::vector<PlacedSubmap> LaserMerger::placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
   std::vector<PlacedSubmap> result;
   for (const std::size_t m : maps)
-    for (const std::size_t s : maps_[m].representatives) {
-      const Pose2 pose = pose_of(m, s);
-      const Eigen::Vector2d middle = middle_of(maps_[m], s, pose);
-      result.push_back({graph_.number(m, s), pose, middle.x(), middle.y(), static_cast<double>(maps_[m].radii_m[s]),
-                        &maps_[m].walls[s]});
-    }
+    for (const std::size_t s : maps_[m].representatives) result.push_back(placed_submap(m, s, pose_of(m, s)));
   return result;
 }
 
@@ -112,67 +112,23 @@ bool LaserMerger::merge_surest() {
 }
 
 void LaserMerger::close_loops(LaserTeam& team) {
-  if (team.maps.size() < 2) return;
   const auto in_scope = [&](std::size_t i, std::size_t j) {
     const std::size_t a = graph_.map_of(i), b = graph_.map_of(j);
     return refused_.count(std::minmax(a, b)) == 0 && !are_grids(i, j) && !merged_.are_together(a, b);
   };
-  const auto search = [&] {
+  const auto search = [&](LaserTeam& of) {
     ConstraintSearchResult found =
-        search_.run(team.maps, std::move(team.matches), in_scope, kMostRounds, SearchExtent::final);
-    team.matches = std::move(found.matches);
-    team.solved = std::move(found.solved);
+        search_.run(of.maps, std::move(of.matches), in_scope, kMostRounds, SearchExtent::final);
+    of.matches = std::move(found.matches);
+    of.solved = std::move(found.solved);
   };
-  search();
+  if (team.maps.size() > 1) search(team);
   if (input_.is_preview) return;  // where walls stand a little apart, the next round may show more
-  if (close_unexpected_loops(team, in_scope)) search();
-  // Of all rounds the one after which fewest walls are in doubt: what mends one place may break another.
-  std::set<Hash> asked;
-  LaserTeam best;
-  double least_m = std::numeric_limits<double>::infinity();
-  const auto anywhere = [](std::size_t, std::size_t) { return true; };
-  for (int round = 0; round <= kMostMendings; ++round) {
-    const Mending mending = mending_of(team.maps, team.solved, anywhere, PlaceSizes::all, asked);
-    if (mending.in_doubt_m < least_m) {
-      least_m = mending.in_doubt_m;
-      best = team;
-    }
-    if (mending.matches.empty() || round == kMostMendings) break;
-    team.matches.insert(team.matches.end(), mending.matches.begin(), mending.matches.end());
-    search();
+  if (team.maps.size() > 1) {
+    if (close_unexpected_loops(team, in_scope)) search(team);
+    mend_between(team, search);
   }
-  team = std::move(best);
-}
-
-LaserMerger::Mending LaserMerger::mending_of(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
-                                             const std::function<bool(std::size_t, std::size_t)>& may_match,
-                                             PlaceSizes sizes, std::set<Hash>& asked) {
-  const auto placed_maps =
-      placed_apart(maps, [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); });
-  std::vector<const std::vector<PlacedSubmap>*> sides;
-  for (const auto& side : placed_maps) sides.push_back(&side);
-  const SightOf sight = sight_of(sides);
-  const auto may_be_bent = [&](std::size_t i, std::size_t j) {
-    const std::size_t a = maps[i], b = maps[j];
-    return refused_.count({a, b}) == 0 && !(grids_.is_grid(a) && grids_.is_grid(b)) && may_match(a, b);
-  };
-  const BentRegions bent = bent_regions(placed_maps, sight, may_be_bent, sizes);
-  std::vector<SubmapQuestion> questions;
-  for (const BentRegion& region : bent.regions) {
-    std::vector<PlacedSubmap> there[2];
-    for (const std::size_t side : {0, 1})
-      for (const PlacedSubmap& submap : placed_maps[side == 0 ? region.a : region.b])
-        if (std::hypot(submap.x_m - region.x_m, submap.y_m - region.y_m) <
-            submap.radius_m + 0.5 * RegionAgreement::kSide_m)
-          there[side].push_back(submap);
-    const auto some =
-        proposals_.of_most_shared(there[0], there[1], inverse(region.moved), kBentRadius_m, kBentYaw_rad, sight);
-    questions.insert(questions.end(), some.begin(), some.end());
-  }
-  Mending result{{}, bent.in_doubt_m};
-  for (const SubmapAnswer& answer : judge_.ask(questions))
-    if (asked.insert(answer.judgement.id).second && answer.holds) result.matches.push_back(answer.hypotheses.front());
-  return result;
+  mend_within(team, search);
 }
 
 std::vector<std::vector<PlacedSubmap>> LaserMerger::placed_apart(const std::vector<std::size_t>& maps,
@@ -198,9 +154,7 @@ TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseO
 bool LaserMerger::take_back() {
   for (const LaserTeam& team : teams_) {
     if (team.maps.size() < 2) continue;
-    const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) {
-      return team.solved.pose_of(graph_.number(map, s));
-    };
+    const PoseOfSubmap pose_of = pose_in(team.solved);
     const TeamAudit audit = audited(team.maps, pose_of, kGhostBeforeSolution);
     if (!audit.taken_out) continue;
     const std::size_t who = team.maps[*audit.taken_out];
@@ -299,7 +253,7 @@ std::optional<MergedMaps> LaserMerger::merged_maps(const std::vector<std::size_t
   std::set<Hash> judgements;
   for (const SubmapMatch& match : team->matches) {
     merged.matches.push_back({submap(match.from), submap(match.to), match.from_from_to, match.information,
-                              match.probability, match.is_observable, match.judgement});
+                              match.probability, match.is_observable, match.judgement, match.overrules_own});
     judgements.insert(match.judgement);
   }
   for (const Hash& id : judgements) merged.judgements.push_back(memo_.at(id));

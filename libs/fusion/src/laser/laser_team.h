@@ -140,6 +140,10 @@ class LaserMerger {
   bool is_known_to_repeat(const MapPair& pair) const;
   WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a,
                           const std::vector<std::size_t>& b) const;
+  PoseOfSubmap pose_in(const SolvedSubmaps& solved) const {
+    return [this, &solved](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); };
+  }
+  PlacedSubmap placed_submap(std::size_t map, std::size_t submap, const Pose2& pose) const;
   std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
   bool fits_elsewhere(const std::vector<MergeHypothesis>& hypotheses) const;
@@ -148,6 +152,13 @@ class LaserMerger {
   bool merge_surest();
   void merge_all();
   void close_loops(LaserTeam& team);
+  std::vector<std::vector<PlacedSubmap>> visits(const LaserTeam& team, std::size_t map) const;
+  // Whether one of its robots saw other walls where it came back to.
+  bool shows_itself_twice(const LaserTeam& team, std::size_t map) const;
+  bool shows_ghosts(const LaserTeam& team) const;    // between its maps
+  using Searcher = std::function<void(LaserTeam&)>;  // for matches, from those that it has
+  void mend_between(LaserTeam& team, const Searcher& search);
+  void mend_within(LaserTeam& team, const Searcher& search);
   bool close_unexpected_loops(LaserTeam& team, const SubmapsInScope& in_scope);
   struct LoopEvidence {
     double fit_m = 0.0, log_odds = 0.0;
@@ -159,10 +170,16 @@ class LaserMerger {
     std::vector<SubmapMatch> matches;  // new ones
     double in_doubt_m = 0.0;           // before them
   };
-  // Where maps would no longer show something twice. `asked`: judgements that were tried.
-  Mending mending_of(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
-                     const std::function<bool(std::size_t, std::size_t)>& may_match, PlaceSizes sizes,
+  // Where sides, which lie so, would no longer show something twice. `asked`: judgements that were tried.
+  Mending mending_of(const std::vector<std::vector<PlacedSubmap>>& sides,
+                     const std::function<bool(std::size_t, std::size_t)>& may_be_bent, PlaceSizes sizes,
                      std::set<Hash>& asked);
+  // The same of maps, of which one may be matched to another.
+  Mending mending_between(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
+                          const std::function<bool(std::size_t, std::size_t)>& may_match, PlaceSizes sizes,
+                          std::set<Hash>& asked);
+  // The same of the visits of each map by itself.
+  Mending mending_within(const LaserTeam& team, std::set<Hash>& asked);
   void split_unconnected();
   bool take_back();
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;

@@ -174,7 +174,7 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
         std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
     if (is_refuted || hypothesis.log_odds == kSurestLogOdds || !may_be_bent || mendings == kMostMendings) return;
     const std::vector<SubmapMatch> mending =
-        mending_of(both, hypothesis.solved, between_maps, PlaceSizes::regions, asked).matches;
+        mending_between(both, hypothesis.solved, between_maps, PlaceSizes::regions, asked).matches;
     if (mending.empty()) return;
     matches = std::move(found.matches);
     matches.insert(matches.end(), mending.begin(), mending.end());

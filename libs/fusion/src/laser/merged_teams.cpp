@@ -53,8 +53,8 @@ std::optional<MergedTeam> known(const MergedMaps& given, const Numbers& numbers,
     if (from == kUnknown || to == kUnknown || !contains(team.maps, graph.map_of(from)) ||
         !contains(team.maps, graph.map_of(to)))
       return std::nullopt;
-    team.matches.push_back(
-        {from, to, match.from_from_to, match.information, match.probability, match.judgement, match.is_observable});
+    team.matches.push_back({from, to, match.from_from_to, match.information, match.probability, match.judgement,
+                            match.is_observable, match.overrules_own});
   }
   for (const Constraint& constraint : given.constraints)
     if (!numbers.knows(constraint.id.from) || !numbers.knows(constraint.id.to)) return std::nullopt;

@@ -15,6 +15,9 @@ namespace {
 constexpr double kRevisit_m = 0.05, kRevisit_rad = 0.006;
 constexpr std::size_t kFewestScans = 8;  // matched again in another submap, for a revisit
 constexpr std::size_t kNextOnes = 2;     // submaps this near along a trajectory share scans
+constexpr std::size_t kBeside = 6;       // submaps along a trajectory for which a match speaks that overrules
+
+std::size_t apart(std::size_t one, std::size_t other) { return one > other ? one - other : other - one; }
 
 Eigen::Matrix3d softened(const Eigen::Matrix3d& information) {
   const Eigen::Matrix3d soft =
@@ -105,6 +108,15 @@ bool SubmapGraph::is_constrained(std::size_t one, std::size_t other) const {
                      [low = low, high = high](const OwnEdge& edge) { return edge.from == low && edge.to == high; });
 }
 
+bool SubmapGraph::is_overruled(std::size_t one, std::size_t other, const std::vector<SubmapMatch>& matches) {
+  const auto [low, high] = std::minmax(one, other);
+  return high - low > kNextOnes &&
+         std::any_of(matches.begin(), matches.end(), [low = low, high = high](const SubmapMatch& match) {
+           const auto [from, to] = std::minmax(match.from, match.to);
+           return match.overrules_own && apart(low, from) <= kBeside && apart(high, to) <= kBeside;
+         });
+}
+
 SolvedSubmaps SubmapGraph::solve(const std::vector<std::size_t>& members,
                                  const std::vector<SubmapMatch>& matches) const {
   SolvedSubmaps solved;
@@ -145,6 +157,10 @@ SolvedSubmaps SubmapGraph::solve(const std::vector<std::size_t>& members,
   std::vector<const OwnEdge*> own;
   for (const std::size_t m : members)
     for (const OwnEdge& edge : own_[m]) {
+      if (edge.is_loop && is_overruled(edge.from, edge.to, matches)) {
+        solved.doubted.emplace_back(edge.from, edge.to);
+        continue;
+      }
       solved.edges.push_back(
           {place(edge.from), place(edge.to), edge.from_from_to, edge.information, edge.is_loop && !matches.empty()});
       own.push_back(&edge);

@@ -19,6 +19,8 @@ struct SubmapMatch {
   double probability = 0.0;
   Hash judgement;
   bool is_observable = true;  // in all directions; along a bare corridor a match can slide
+  // Of two submaps of one robot: what its own map says of these places, and of those beside them, is left out.
+  bool overrules_own = false;
 };
 
 // Maps solved together.
@@ -27,7 +29,7 @@ struct SolvedSubmaps {
   std::vector<Pose2> team_from_submap;  // of each; the first stays where its own map has it
   std::vector<double> match_weight;     // of the matches given: 0 where GNC rejected it
   std::vector<std::pair<std::size_t, std::size_t>>
-      doubted;        // pairs of one robot's submaps whose own constraint GNC rejected
+      doubted;        // pairs of one robot's submaps whose own constraint GNC rejected, or a match overrules
   double chi2 = 0.0;  // of the matches that hold
   std::vector<graph::Edge> edges;
   std::vector<double> weights;
@@ -59,6 +61,8 @@ class SubmapGraph {
   // Whether the two submaps of one robot lie so near along its trajectory that a match of them says nothing new, or its
   // own map constrains them.
   bool is_constrained(std::size_t one, std::size_t other) const;
+  // Whether one of the matches overrules what the robot's own map says of how two of its submaps lie.
+  static bool is_overruled(std::size_t one, std::size_t other, const std::vector<SubmapMatch>& matches);
 
   // `members`: numbers of maps, rising, that the matches connect (else the others stay where their own frame puts
   // them). Starts along the matches, the most probable first. `is_doubtful`: whether robots' own loop closures may be

@@ -1,16 +1,14 @@
 #include <mapweave/fusion/visit_audit.h>
 
 #include "team_audit.h"
+#include "visits.h"
 
 #include <mapweave/matching/submap_model.h>
 
-#include <cmath>
 #include <memory>
 
 namespace mapweave::fusion {
 namespace {
-
-constexpr double kStretch_m = 40.0;  // of path: drifts less than a ghost is wide, and is little to lay elsewhere
 
 // What is kept of a submap.
 struct Place {
@@ -37,54 +35,28 @@ std::vector<Place> places_of(const Map& map) {
   return places;
 }
 
-struct Stretch {
-  Stamp begin;
-  std::vector<PlacedSubmap> submaps;
-};
-
-std::vector<Stretch> stretches_of(const std::vector<Place>& places) {
-  std::vector<Stretch> result;
-  double length_m = kStretch_m;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const Place& place = places[i];
-    if (i > 0) {
-      const Pose2 step = between(places[i - 1].map_from_submap, place.map_from_submap);
-      length_m += std::hypot(step.x, step.y);
-    }
-    if (length_m >= kStretch_m) {
-      result.push_back({place.begin, {}});
-      length_m = 0.0;
-    }
-    result.back().submaps.push_back(
-        {i, place.map_from_submap, place.middle.x, place.middle.y, static_cast<double>(place.radius_m), &place.walls});
-  }
-  return result;
-}
-
 }  // namespace
 
 std::optional<DoubledWalls> audit_visits(const Map& map) {
   const std::vector<Place> places = places_of(map);
-  std::vector<std::vector<PlacedSubmap>> visits;
+  std::vector<PlacedSubmap> path;
+  for (const Place& place : places)
+    path.push_back({path.size(), place.map_from_submap, place.middle.x, place.middle.y,
+                    static_cast<double>(place.radius_m), &place.walls});
+  const std::vector<std::vector<PlacedSubmap>> visits = visits_of(path);
   std::vector<double> walls_m;
-  const std::vector<Stretch> stretches = stretches_of(places);
-  for (const Stretch& stretch : stretches) {
-    visits.push_back(stretch.submaps);
-    walls_m.push_back(length_of_walls(stretch.submaps));
-  }
+  for (const std::vector<PlacedSubmap>& visit : visits) walls_m.push_back(length_of_walls(visit));
   const auto sight_of = [&](std::size_t number) { return places[number].sight; };
-  // Neighbours share scans, and show what moved while the robot passed.
-  const auto may_show_ghosts = [](std::size_t a, std::size_t b) { return b - a > 1; };
   DoubledWalls result;
   double most_m = 0.0;
-  for (const AuditedPair& pair : audit(visits, walls_m, sight_of, may_show_ghosts, kGhostBeforeSolution).pairs) {
+  for (const AuditedPair& pair : audit(visits, walls_m, sight_of, are_visits_apart, kGhostBeforeSolution).pairs) {
     result.length_m += pair.ghosts_m;
     if (pair.ghosts_m <= most_m) continue;
     most_m = pair.ghosts_m;
     result.x_m = pair.ghost_x_m;
     result.y_m = pair.ghost_y_m;
-    result.first = stretches[pair.a].begin;
-    result.then = stretches[pair.b].begin;
+    result.first = places[visits[pair.a].front().number].begin;
+    result.then = places[visits[pair.b].front().number].begin;
   }
   if (most_m <= 0.0) return std::nullopt;
   return result;

@@ -109,7 +109,7 @@ std::vector<Sim3> TeamInPlane::as_lasers_have_it(const LaserTeam& team) const {
 std::vector<Pose2> TeamInPlane::bent_nodes(std::size_t number, const TeamMembers& members,
                                            const std::vector<Sim3>& placed) const {
   const LaserTeam* lasers = judging_.lasers().team_of(number);
-  if (lasers == nullptr || lasers->maps.size() < 2) return {};
+  if (lasers == nullptr || lasers->matches.empty()) return {};
   const SubmapGraph& graph = judging_.lasers().graph();
   const PreparedMap &map = maps_[number], &first = maps_[lasers->maps.front()];
   const Pose2 there = planar(placed[members.place_of(lasers->maps.front())].pose);
@@ -171,6 +171,23 @@ bool TeamInPlane::is_bent_by_lasers(const TeamMembers& members) const {
                       [&](std::size_t m) { return judging_.maps()[m].is_grid; });
 }
 
+// Which of a map's own constraints are left out, because matches of its team overrule them. Empty: none is.
+std::function<bool(const ConstraintId&)> TeamInPlane::overruled(std::size_t map) const {
+  const LaserMerger& lasers = judging_.lasers();
+  const LaserTeam* team = lasers.team_of(map);
+  if (team == nullptr) return {};
+  std::vector<SubmapMatch> matches;
+  for (const SubmapMatch& match : team->matches)
+    if (match.overrules_own && lasers.graph().map_of(match.from) == map) matches.push_back(match);
+  if (matches.empty()) return {};
+  return [homes = homes_of(maps_[map]), first = lasers.graph().first_of(map), matches](const ConstraintId& id) {
+    if (id.kind == ConstraintKind::odometry || (id.kind == ConstraintKind::scan_match && id.index == 0)) return false;
+    const auto from = homes.find(id.from), to = homes.find(id.to);
+    return from != homes.end() && to != homes.end() &&
+           SubmapGraph::is_overruled(first + from->second, first + to->second, matches);
+  };
+}
+
 // A map whose scans were matched again when it was made holds what that found; so do maps that were merged before.
 std::function<bool(const NodeId&, const Submap&)> TeamInPlane::matched_by_themselves(const TeamMembers& members) const {
   std::map<SessionId, std::size_t> first_of;  // the first map of those that are merged already
@@ -181,7 +198,7 @@ std::function<bool(const NodeId&, const Submap&)> TeamInPlane::matched_by_themse
         merged != nullptr || std::any_of(map.constraints.begin(), map.constraints.end(), [](const auto& entry) {
           return entry.first.kind == ConstraintKind::scan_match && entry.first.index > 0;
         });
-    if (!is_matched) continue;
+    if (!is_matched || (merged == nullptr && overruled(m))) continue;
     for (const auto& entry : map.submaps)
       first_of.emplace(entry.second.id.session, merged != nullptr ? merged->maps.front() : m);
   }
@@ -205,7 +222,9 @@ std::vector<Constraint> TeamInPlane::rematched(const TeamMembers& members, const
 
 void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map,
                         Component& component) const {
-  const bool is_alone = members.maps.size() == 1;
+  // A robot whose own walls stood twice was bent by itself.
+  const LaserTeam* lasers = judging_.lasers().team_of(members.maps.front());
+  const bool is_alone = members.maps.size() == 1 && (lasers == nullptr || lasers->matches.empty());
   Map& team = component.map;
   std::vector<std::pair<NodeId, Node>> nodes;
   std::vector<Constraint> constraints;
@@ -218,7 +237,9 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
               is_alone ? std::vector<Pose2>() : bent_nodes(members.maps[i], members, team_from_map), nodes);
     for (const auto& [id, submap] : map.submaps) team.submaps.set(id, submap);
     for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
-    for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
+    const auto is_overruled = is_alone ? std::function<bool(const ConstraintId&)>() : overruled(members.maps[i]);
+    for (const auto& [id, constraint] : map.constraints)
+      if (!is_overruled || !is_overruled(id)) constraints.push_back(constraint);
     if (is_alone || !map.submaps.empty()) continue;
     for (Constraint& edge : rig::covisibility_constraints(map, options_.laser_cameras))
       constraints.push_back(std::move(edge));

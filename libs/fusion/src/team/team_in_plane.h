@@ -21,6 +21,7 @@ class TeamInPlane final : public TeamSolver {
   std::vector<Pose2> bent_nodes(std::size_t map, const TeamMembers& members,
                                 const std::vector<Sim3>& team_from_map) const;
   bool is_bent_by_lasers(const TeamMembers& members) const;
+  std::function<bool(const ConstraintId&)> overruled(std::size_t map) const;
   std::function<bool(const NodeId&, const Submap&)> matched_by_themselves(const TeamMembers& members) const;
   std::vector<Constraint> rematched(const TeamMembers& members, const Map& team) const;
   void add_laser_matches(const LaserTeam& lasers, std::vector<Constraint>& constraints) const;

@@ -11,7 +11,7 @@
 
 namespace mapweave {
 
-// Two submaps of different maps that lie so.
+// Two submaps, of two maps or of one, that lie so.
 struct MatchedSubmaps {
   SubmapId from, to;
   Pose2 from_from_to;
@@ -19,6 +19,7 @@ struct MatchedSubmaps {
   double probability = 0.0;
   bool is_observable = true;  // in all directions; along a bare corridor a match can slide
   Hash judgement;
+  bool overrules_own = false;  // of one map: what that map says of these places and those beside them is left out
 };
 
 // One group of maps was merged with another.
