@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <set>
 #include <tuple>
 
@@ -59,42 +60,75 @@ std::size_t unlike_cells(const MapSummary& a, const MapSummary& b) {
   return count;
 }
 
+// How b may lie, by two viewpoints that look alike.
 struct Guess {
-  int score;
+  int score = 0;
   Pose2 a_from_b;
+  std::size_t look = 0;          // of b, by its number
+  std::vector<CellPoint> walls;  // of b, that stand around it
 };
 
-// The best few of what follows from viewpoints that look alike.
-std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b, const std::vector<CellPoint>& walls_of_b) {
+constexpr double kAround_m = 9.0;  // of a viewpoint: what stands there is compared; farther out, maps bend
+
+// b's walls around each of its viewpoints.
+std::vector<std::vector<CellPoint>> walls_around(const MapSummary& b) {
+  const std::vector<CellPoint> all = walls_of(b);
+  std::vector<std::vector<CellPoint>> result;
+  for (const MapSummary::Look& look : b.looks) {
+    auto& walls = result.emplace_back();
+    for (const CellPoint& wall : all)
+      if (std::hypot(wall.x - 0.01 * look.x_cm, wall.y - 0.01 * look.y_cm) < kAround_m) walls.push_back(wall);
+  }
+  return result;
+}
+
+// Spread evenly.
+std::vector<CellPoint> some_of(const std::vector<CellPoint>& walls) {
+  constexpr std::size_t kSome = 40;  // walls that stand for all while headings and shifts are tried: bounds the time
+  std::vector<CellPoint> some;
+  for (std::size_t i = 0; i < std::min(kSome, walls.size()); ++i)
+    some.push_back(walls[i * walls.size() / std::min(kSome, walls.size())]);
+  return some;
+}
+
+// What follows from viewpoints that look alike.
+std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b) {
+  // Larger values find more pairs, and take longer in proportion (DECISIONS.md, 44).
+  constexpr std::size_t kAlike = 5, kTried = 128;
   using Pair = std::tuple<int, std::size_t, std::size_t>;  // distance, looks
   std::vector<Pair> pairs;
-  for (std::size_t i = 0; i < a.looks.size(); ++i)
-    for (std::size_t j = 0; j < b.looks.size(); ++j) pairs.emplace_back(distance(a.looks[i], b.looks[j]), i, j);
-  // Pairs of viewpoints, and guesses that are refined with all walls: more find pairs that look less alike, and take
-  // longer in proportion (15 to 50 ms a pair of maps as it is; DECISIONS.md, 44).
-  constexpr std::size_t kTried = 24, kKept = 6;
-  const std::size_t tried = std::min(kTried, pairs.size());
-  std::partial_sort(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(tried), pairs.end());
+  // Each viewpoint chooses those most like it: else a few that look like many take all places.
+  for (std::size_t j = 0; j < b.looks.size(); ++j) {
+    std::vector<Pair> of_look;
+    for (std::size_t i = 0; i < a.looks.size(); ++i) of_look.emplace_back(distance(a.looks[i], b.looks[j]), i, j);
+    std::sort(of_look.begin(), of_look.end());
+    of_look.resize(std::min(of_look.size(), kAlike));
+    pairs.insert(pairs.end(), of_look.begin(), of_look.end());
+  }
+  std::sort(pairs.begin(), pairs.end());
+  if (pairs.size() > kTried) pairs.resize(kTried);
+  const auto around = walls_around(b);
   std::vector<Guess> guesses;
   constexpr int kHeadings = 60;      // 6 degrees apart: refine() begins with half of that
   constexpr double kShift_m = 0.75;  // a ring: viewpoints that look alike lie about so near to each other
-  for (std::size_t i = 0; i < tried; ++i) {
-    const MapSummary::Look &to = a.looks[std::get<1>(pairs[i])], &from = b.looks[std::get<2>(pairs[i])];
-    Guess best{0, {}};
+  for (const auto& [unlikeness, i, j] : pairs) {
+    const MapSummary::Look &to = a.looks[i], &from = b.looks[j];
+    const std::vector<CellPoint> some = some_of(around[j]);
+    Guess best{0, {}, j, around[j]};
     for (int heading = 0; heading < kHeadings; ++heading) {
       const double phi = wrap_angle(2.0 * M_PI * heading / kHeadings), c = std::cos(phi), s = std::sin(phi);
       const double x = 0.01 * (to.x_cm - c * from.x_cm + s * from.y_cm),
                    y = 0.01 * (to.y_cm - s * from.x_cm - c * from.y_cm);
       for (int shift = 0; shift < 9; ++shift) {
         const Pose2 pose{x + (shift % 3 - 1) * kShift_m, y + (shift / 3 - 1) * kShift_m, phi};
-        if (const int score = agreement(a, walls_of_b, pose).score(); score > best.score) best = {score, pose};
+        if (const int score = agreement(a, some, pose).score(); score > best.score) {
+          best.score = score;
+          best.a_from_b = pose;
+        }
       }
     }
-    if (best.score > 0) guesses.push_back(best);
+    if (best.score > 0) guesses.push_back(std::move(best));
   }
-  std::stable_sort(guesses.begin(), guesses.end(),
-                   [](const Guess& one, const Guess& other) { return one.score > other.score; });
-  guesses.resize(std::min(kKept, guesses.size()));
   return guesses;
 }
 
@@ -110,11 +144,59 @@ void refine(const MapSummary& a, const std::vector<CellPoint>& walls_of_b, Guess
         const Pose2 pose{around.x + (step % 3 - 1) * step_m, around.y + (step / 3 % 3 - 1) * step_m,
                          wrap_angle(around.phi + (step / 9 - 1) * step_rad)};
         if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score) {
-          guess = {score, pose};
+          guess.score = score;
+          guess.a_from_b = pose;
           is_better = true;
         }
       }
     }
+}
+
+// Whether what stands around a viewpoint of one map stands in the other one, too.
+bool is_likely(const Agreement& found, std::size_t walls, bool are_small) {
+  // Twelve cells that coincide, or three metres, make 24; up to twice as many lie beside.
+  constexpr int kLeastWalls = 48, kLeastWallsOfSmall = 24, kFullOfSmall = 150;
+  // Of walls that fall on what is known. Before loops are closed, maps drift: more is forgiven where much coincides.
+  constexpr double kContradicting = 0.05, kContradictingOfSmall = 0.08, kContradictingWhereFull = 0.2;
+  constexpr double kKnown = 0.6;  // of the walls, where the other map has been. Small maps share less
+  const double contradicting = static_cast<double>(found.contradictions) / std::max(1, found.known);
+  if (are_small)
+    return (found.walls >= kLeastWallsOfSmall && contradicting <= kContradictingOfSmall) ||
+           (found.walls >= kFullOfSmall && contradicting <= kContradictingWhereFull);
+  return found.walls >= kLeastWalls && contradicting <= kContradicting &&
+         found.known > kKnown * static_cast<double>(walls);
+}
+
+std::vector<Guess> likely_guesses(const MapSummary& a, const MapSummary& b) {
+  constexpr std::size_t kFew = 8;  // viewpoints of a small map: one of them sees most of it
+  const bool are_small = a.looks.size() <= kFew && b.looks.size() <= kFew;
+  std::vector<Guess> likely;
+  for (Guess& guess : guesses_of(a, b)) {
+    refine(a, guess.walls, guess);
+    if (is_likely(agreement(a, guess.walls, guess.a_from_b), guess.walls.size(), are_small))
+      likely.push_back(std::move(guess));
+  }
+  return likely;
+}
+
+// Of all guesses that say about the same, each viewpoint of b once.
+int score_of_all(const Guess& guess, const std::vector<Guess>& guesses, const MapSummary& b) {
+  constexpr double kSame_m = 0.8, kBend_per_m = 0.05, kSame_rad = 0.12;  // maps bend
+  const auto place_of = [&](std::size_t look) {
+    return Pose2{0.01 * b.looks[look].x_cm, 0.01 * b.looks[look].y_cm, 0.0};
+  };
+  const Pose2 own = place_of(guess.look);
+  std::map<std::size_t, int> scores;
+  for (const Guess& other : guesses) {
+    const Pose2 there = place_of(other.look);
+    const Pose2 apart = between(compose(guess.a_from_b, there), compose(other.a_from_b, there));
+    const double far_m = std::hypot(there.x - own.x, there.y - own.y);
+    if (std::hypot(apart.x, apart.y) < kSame_m + kBend_per_m * far_m && std::abs(apart.phi) < kSame_rad)
+      scores[other.look] = std::max(scores[other.look], other.score);
+  }
+  int sum = 0;
+  for (const auto& [look, score] : scores) sum += score;
+  return sum;
 }
 
 }  // namespace
@@ -139,23 +221,16 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
     return degree > 0.0 ? std::optional(EstimatedOverlap{{}, degree}) : std::nullopt;
   }
   if (a.is_in_team_frame != b.is_in_team_frame) return std::nullopt;  // a route that is only announced shows no walls
-  const std::vector<CellPoint> walls = walls_of(b);
-  std::vector<CellPoint> some;       // spread evenly
-  constexpr std::size_t kSome = 60;  // walls that stand for all while headings and shifts are tried: bounds the time
-  for (std::size_t i = 0; i < std::min(kSome, walls.size()); ++i)
-    some.push_back(walls[i * walls.size() / std::min(kSome, walls.size())]);
-  std::vector<Guess> guesses = guesses_of(a, b, some);
-  Guess best{0, {}};
-  for (Guess& guess : guesses) {
-    refine(a, walls, guess);
-    if (guess.score > best.score) best = guess;
-  }
-  const Agreement found = agreement(a, walls, best.a_from_b);
-  constexpr int kLeastWalls = 24;  // twelve cells that coincide, or three metres; up to twice as many that lie beside
-  constexpr double kMostContradicting = 0.08;  // of the walls that fall on what is known (DECISIONS.md, 44)
-  if (best.score <= 0 || found.walls < kLeastWalls || found.contradictions > kMostContradicting * found.known)
-    return std::nullopt;
-  return EstimatedOverlap{best.a_from_b, overlap_degree(a, b, best.a_from_b)};
+  const Guess* best = nullptr;
+  int most = 0;
+  const std::vector<Guess> guesses = likely_guesses(a, b);
+  for (const Guess& guess : guesses)
+    if (const int score = score_of_all(guess, guesses, b); score > most) {
+      most = score;
+      best = &guess;
+    }
+  if (best == nullptr) return std::nullopt;
+  return EstimatedOverlap{best->a_from_b, overlap_degree(a, b, best->a_from_b)};
 }
 
 void OverlapEstimator::put(const RobotId& robot, MapSummary summary) {

@@ -344,11 +344,7 @@ void TeamRun::report_work() {
   for (std::size_t i = 0; i < work.robots.size(); ++i)
     work.robots[i].sensed_bytes += bytes_published(report_.robots[i], work.robots[i]);
   push(team_, configuration_.cloud, report_);
-  if (report_.coordination && !report_.coordination->decisions.empty())
-    for (const auto& [a, b, degree] : report_.coordination->decisions.back().overlaps)
-      work.overlaps.push_back({a, b, degree});
-  else
-    work.overlaps = overlaps_of(team_, outcomes_);
+  work.overlaps = overlaps_of(team_, outcomes_);
 }
 
 void TeamRun::write() {

@@ -27,8 +27,8 @@ MapSummary summary_of_route(const std::vector<Waypoint>&, double range_m);
 // |A and B| / (|A| + |B|) in known cells, 0 to 0.5 (RecSLAM IV-A).
 double overlap_degree(const MapSummary& a, const MapSummary& b, const Pose2& a_from_b);
 
-// Where nobody knows how the maps lie: viewpoints that look alike are laid on each other in all headings, and what
-// agrees best is refined. nullopt where nothing agrees.
+// Where nobody knows how the maps lie: viewpoints that look alike are laid on each other in all headings, with what
+// stands around them, and what most of them say counts. nullopt where nothing agrees.
 struct EstimatedOverlap {
   Pose2 a_from_b;
   double degree = 0.0;
