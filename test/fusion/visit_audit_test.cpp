@@ -70,6 +70,7 @@ TEST(VisitAudit, leads_to_a_search_in_a_team) {
   const FusionResult result = test::fused({bent, test::mapped(world.robots[1], world.laser)});
   ASSERT_EQ(result.components.size(), 1U);
   EXPECT_FALSE(audit_visits(as_in(result.components[0].map, bent)));
+  EXPECT_EQ(result.components[0].bent, std::vector<MapId>{bent.id});
 }
 
 TEST(VisitAudit, leads_to_a_search_where_a_robot_is_alone) {
@@ -77,6 +78,8 @@ TEST(VisitAudit, leads_to_a_search_where_a_robot_is_alone) {
   const FusionResult result = test::fused({bent});
   ASSERT_EQ(result.components.size(), 1U);
   EXPECT_FALSE(audit_visits(as_in(result.components[0].map, bent)));
+  EXPECT_EQ(result.components[0].bent, std::vector<MapId>{bent.id});
+  EXPECT_TRUE(test::fused({twice_around()}).components[0].bent.empty());
 }
 
 TEST(VisitAudit, has_nothing_to_say_of_an_empty_map_or_a_single_visit) {

@@ -107,6 +107,8 @@ class Fusing {
       place_frames(
           placed, [](const PreparedMap& map) { return map.submaps.empty(); }, component);
     if (!is_alone) component.merged = judging_.lasers().merged_maps(members);
+    for (const std::size_t m : members)
+      if (judging_.lasers().is_overruled(m)) component.bent.push_back(judging_.maps()[m].map->id);
     return component;
   }
 

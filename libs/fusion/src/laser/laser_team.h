@@ -85,6 +85,9 @@ class LaserMerger {
   // Of maps that lie so. Numbers in the result are places among `maps`.
   TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of,
                     const GhostBounds& bounds = {}) const;
+  // Whether matches of run() overrule loops of this map.
+  bool is_overruled(std::size_t map) const { return !overruling(map).empty(); }
+  std::vector<SubmapMatch> overruling(std::size_t map) const;
   // The merge of teams by which two maps came into one; none where they did not.
   std::optional<TeamMerge> merge_of(std::size_t a, std::size_t b) const;
   // Of two maps, a < b.

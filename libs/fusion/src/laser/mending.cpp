@@ -57,6 +57,14 @@ void LaserMerger::mend_within(LaserTeam& team, const Searcher& search) {
   }
 }
 
+std::vector<SubmapMatch> LaserMerger::overruling(std::size_t map) const {
+  std::vector<SubmapMatch> result;
+  if (const LaserTeam* team = team_of(map))
+    for (const SubmapMatch& match : team->matches)
+      if (match.overrules_own && graph_.map_of(match.from) == map) result.push_back(match);
+  return result;
+}
+
 bool LaserMerger::shows_ghosts(const LaserTeam& team) const {
   return team.maps.size() > 1 && audited(team.maps, pose_in(team.solved), kGhostBeforeSolution).taken_out;
 }

@@ -174,11 +174,7 @@ bool TeamInPlane::is_bent_by_lasers(const TeamMembers& members) const {
 // Which of a map's own constraints are left out, because matches of its team overrule them. Empty: none is.
 std::function<bool(const ConstraintId&)> TeamInPlane::overruled(std::size_t map) const {
   const LaserMerger& lasers = judging_.lasers();
-  const LaserTeam* team = lasers.team_of(map);
-  if (team == nullptr) return {};
-  std::vector<SubmapMatch> matches;
-  for (const SubmapMatch& match : team->matches)
-    if (match.overrules_own && lasers.graph().map_of(match.from) == map) matches.push_back(match);
+  const std::vector<SubmapMatch> matches = lasers.overruling(map);
   if (matches.empty()) return {};
   return [homes = homes_of(maps_[map]), first = lasers.graph().first_of(map), matches](const ConstraintId& id) {
     if (id.kind == ConstraintKind::odometry || (id.kind == ConstraintKind::scan_match && id.index == 0)) return false;

@@ -256,6 +256,16 @@ std::vector<exporters::PictureMark> conflicts_in(const fusion::Component& compon
 
 }  // namespace
 
+namespace {
+
+std::string note_on_bent(const MapId& id, const std::string& component) {
+  return "walls of the map '" + id.str() +
+         "' stood double, and matches of its own visits to one place mended it: in '" + component +
+         "' it is bent against the loops that it had closed; robots/" + id.str() + " keeps it as it was";
+}
+
+}  // namespace
+
 void Results::add_components(const FusedPlace& place, const fusion::FusionResult& fused,
                              const std::vector<CamerasOutcome>& cameras, Report& report) {
   const Stopwatch watch;
@@ -268,6 +278,8 @@ void Results::add_components(const FusedPlace& place, const fusion::FusionResult
     const std::string name = place.title + apart;
     const Map& map = fused.components[i].map;
     const auto conflicts = conflicts_in(fused.components[i], fused.audits);
+    if (place.of == MapOf::team)
+      for (const MapId& id : fused.components[i].bent) report.notes.push_back(note_on_bent(id, name));
     mapdb::StoredMaps whole = stored(fused.components[i], fused, own_maps_, requests_);
     keep(place.frames[i], whole.metadata);
     const MapIdentity identity = store(folder, std::move(whole), place.frames[i].continued);

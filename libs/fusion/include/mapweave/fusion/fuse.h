@@ -89,6 +89,8 @@ struct Component {
   Table<LandmarkId, LandmarkId> same_as;
   // What lasers found between the members, where they have all of them; without constraints, which the map holds.
   std::optional<MergedMaps> merged = {};
+  // Members of which walls stood double in their own map, whose own loops were overruled where that mended it. Sorted.
+  std::vector<MapId> bent = {};
 };
 
 // What two robots of a team saw of each other's walls in the map that came out.
