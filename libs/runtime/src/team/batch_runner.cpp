@@ -75,6 +75,17 @@ std::vector<OverlapOfRobots> overlaps_of(const fusion::FusionResult& team,
   return overlaps;
 }
 
+// Of robots that did not come into one map: what the coordinator took them for last, before they had sensed all.
+void add_estimates(const std::vector<tiers::CoordinatorDecision>& decisions, std::vector<OverlapOfRobots>& overlaps) {
+  const auto last = std::find_if(decisions.rbegin(), decisions.rend(),
+                                 [](const auto& decision) { return !decision.overlaps.empty(); });
+  if (last == decisions.rend()) return;
+  for (const auto& [a, b, degree] : last->overlaps)
+    if (std::none_of(overlaps.begin(), overlaps.end(),
+                     [&, &a = a, &b = b](const OverlapOfRobots& known) { return known.a == a && known.b == b; }))
+      overlaps.push_back({a, b, degree});
+}
+
 tiers::RobotUpdates updates_of(const tiers::RobotOutcome& outcome) {
   tiers::RobotUpdates sent{outcome.robot, {}};
   const TierId robot(outcome.robot.str());
@@ -345,6 +356,7 @@ void TeamRun::report_work() {
     work.robots[i].sensed_bytes += bytes_published(report_.robots[i], work.robots[i]);
   push(team_, configuration_.cloud, report_);
   work.overlaps = overlaps_of(team_, outcomes_);
+  if (report_.coordination) add_estimates(report_.coordination->decisions, work.overlaps);
 }
 
 void TeamRun::write() {
