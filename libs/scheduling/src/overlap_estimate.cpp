@@ -66,20 +66,16 @@ struct Guess {
   Pose2 a_from_b;
   std::size_t look = 0;          // of b, by its number
   std::vector<CellPoint> walls;  // of b, that stand around it
+  bool is_inverted = false;      // found with a's walls on b: `look` and `walls` are a's
 };
 
 constexpr double kAround_m = 9.0;  // of a viewpoint: what stands there is compared; farther out, maps bend
 
-// b's walls around each of its viewpoints.
-std::vector<std::vector<CellPoint>> walls_around(const MapSummary& b) {
-  const std::vector<CellPoint> all = walls_of(b);
-  std::vector<std::vector<CellPoint>> result;
-  for (const MapSummary::Look& look : b.looks) {
-    auto& walls = result.emplace_back();
-    for (const CellPoint& wall : all)
-      if (std::hypot(wall.x - 0.01 * look.x_cm, wall.y - 0.01 * look.y_cm) < kAround_m) walls.push_back(wall);
-  }
-  return result;
+std::vector<CellPoint> walls_around(const std::vector<CellPoint>& all, double x, double y) {
+  std::vector<CellPoint> walls;
+  for (const CellPoint& wall : all)
+    if (std::hypot(wall.x - x, wall.y - y) < kAround_m) walls.push_back(wall);
+  return walls;
 }
 
 // Spread evenly.
@@ -107,14 +103,16 @@ std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b) {
   }
   std::sort(pairs.begin(), pairs.end());
   if (pairs.size() > kTried) pairs.resize(kTried);
-  const auto around = walls_around(b);
+  const std::vector<CellPoint> all = walls_of(b);
+  std::vector<std::vector<CellPoint>> around;
+  for (const MapSummary::Look& look : b.looks) around.push_back(walls_around(all, 0.01 * look.x_cm, 0.01 * look.y_cm));
   std::vector<Guess> guesses;
   constexpr int kHeadings = 60;      // 6 degrees apart: refine() begins with half of that
   constexpr double kShift_m = 0.75;  // a ring: viewpoints that look alike lie about so near to each other
   for (const auto& [unlikeness, i, j] : pairs) {
     const MapSummary::Look &to = a.looks[i], &from = b.looks[j];
     const std::vector<CellPoint> some = some_of(around[j]);
-    Guess best{0, {}, j, around[j]};
+    Guess best{0, {}, j, around[j], false};
     for (int heading = 0; heading < kHeadings; ++heading) {
       const double phi = wrap_angle(2.0 * M_PI * heading / kHeadings), c = std::cos(phi), s = std::sin(phi);
       const double x = 0.01 * (to.x_cm - c * from.x_cm + s * from.y_cm),
@@ -167,32 +165,52 @@ bool is_likely(const Agreement& found, std::size_t walls, bool are_small) {
          found.known > kKnown * static_cast<double>(walls);
 }
 
+Pose2 place_of(const MapSummary::Look& look) { return {0.01 * look.x_cm, 0.01 * look.y_cm, 0.0}; }
+
 std::vector<Guess> likely_guesses(const MapSummary& a, const MapSummary& b) {
   constexpr std::size_t kFew = 8;  // viewpoints of a small map: one of them sees most of it
   const bool are_small = a.looks.size() <= kFew && b.looks.size() <= kFew;
+  constexpr double kContradictingBack =
+      0.08;  // of a's walls there, on b: places only alike contradict one way or other
+  const std::vector<CellPoint> all = walls_of(a);
   std::vector<Guess> likely;
   for (Guess& guess : guesses_of(a, b)) {
     refine(a, guess.walls, guess);
-    if (is_likely(agreement(a, guess.walls, guess.a_from_b), guess.walls.size(), are_small))
-      likely.push_back(std::move(guess));
+    if (!is_likely(agreement(a, guess.walls, guess.a_from_b), guess.walls.size(), are_small)) continue;
+    const Pose2 there = compose(guess.a_from_b, place_of(b.looks[guess.look]));
+    const Agreement back = agreement(b, walls_around(all, there.x, there.y), inverse(guess.a_from_b));
+    if (back.contradictions > kContradictingBack * back.known) continue;
+    likely.push_back(std::move(guess));
   }
   return likely;
 }
 
-// Of all guesses that say about the same, each viewpoint of b once.
-int score_of_all(const Guess& guess, const std::vector<Guess>& guesses, const MapSummary& b) {
+// With each map's walls on the other: the answer is the same whichever comes first.
+std::vector<Guess> likely_guesses_of_both(const MapSummary& a, const MapSummary& b) {
+  std::vector<Guess> guesses = likely_guesses(a, b);
+  for (Guess& guess : likely_guesses(b, a)) {
+    guess.a_from_b = inverse(guess.a_from_b);
+    guess.is_inverted = true;
+    guesses.push_back(std::move(guess));
+  }
+  return guesses;
+}
+
+// Of all guesses that say about the same, each viewpoint once.
+int score_of_all(const Guess& guess, const std::vector<Guess>& guesses, const MapSummary& a, const MapSummary& b) {
   constexpr double kSame_m = 0.8, kBend_per_m = 0.05, kSame_rad = 0.12;  // maps bend
-  const auto place_of = [&](std::size_t look) {
-    return Pose2{0.01 * b.looks[look].x_cm, 0.01 * b.looks[look].y_cm, 0.0};
+  const auto place_in_b = [&](const Guess& of) {
+    return of.is_inverted ? compose(inverse(of.a_from_b), place_of(a.looks[of.look])) : place_of(b.looks[of.look]);
   };
-  const Pose2 own = place_of(guess.look);
-  std::map<std::size_t, int> scores;
+  const Pose2 own = place_in_b(guess);
+  std::map<std::pair<bool, std::size_t>, int> scores;
   for (const Guess& other : guesses) {
-    const Pose2 there = place_of(other.look);
+    const Pose2 there = place_in_b(other);
     const Pose2 apart = between(compose(guess.a_from_b, there), compose(other.a_from_b, there));
     const double far_m = std::hypot(there.x - own.x, there.y - own.y);
+    int& score = scores[{other.is_inverted, other.look}];
     if (std::hypot(apart.x, apart.y) < kSame_m + kBend_per_m * far_m && std::abs(apart.phi) < kSame_rad)
-      scores[other.look] = std::max(scores[other.look], other.score);
+      score = std::max(score, other.score);
   }
   int sum = 0;
   for (const auto& [look, score] : scores) sum += score;
@@ -222,10 +240,10 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
   }
   if (a.is_in_team_frame != b.is_in_team_frame) return std::nullopt;  // a route that is only announced shows no walls
   const Guess* best = nullptr;
-  int most = 0;
-  const std::vector<Guess> guesses = likely_guesses(a, b);
+  std::pair<int, int> most;  // of all that say the same, then its own
+  const std::vector<Guess> guesses = likely_guesses_of_both(a, b);
   for (const Guess& guess : guesses)
-    if (const int score = score_of_all(guess, guesses, b); score > most) {
+    if (const std::pair score(score_of_all(guess, guesses, a, b), guess.score); score > most) {
       most = score;
       best = &guess;
     }

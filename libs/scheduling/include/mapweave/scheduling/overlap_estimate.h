@@ -28,7 +28,8 @@ MapSummary summary_of_route(const std::vector<Waypoint>&, double range_m);
 double overlap_degree(const MapSummary& a, const MapSummary& b, const Pose2& a_from_b);
 
 // Where nobody knows how the maps lie: viewpoints that look alike are laid on each other in all headings, with what
-// stands around them, and what most of them say counts. nullopt where nothing agrees.
+// stands around them, each map's walls on the other map, and what most of them say counts: the answer hardly depends
+// on which map is named first. nullopt where nothing agrees.
 struct EstimatedOverlap {
   Pose2 a_from_b;
   double degree = 0.0;
