@@ -70,11 +70,11 @@ TEST(EstimatedOverlap, finds_how_two_robots_maps_lie) {
     const MapSummary a = summary_of(team, 0), b = summary_of(team, 1);
     const Pose2 truth = a_from_b(team, 0, 1);
     const double degree = overlap_degree(a, b, truth);
-    const auto estimate = estimate_overlap(a, b), other_way = estimate_overlap(b, a);
-    ASSERT_EQ(estimate.has_value(), other_way.has_value()) << seed;
+    const auto estimate = estimate_overlap(a, b), swapped = estimate_overlap(b, a);
+    ASSERT_EQ(estimate.has_value(), swapped.has_value()) << seed;
     if (!estimate) continue;
-    const Pose2 between_ways = compose(estimate->a_from_b, other_way->a_from_b);
-    EXPECT_LT(std::hypot(between_ways.x, between_ways.y) + std::abs(between_ways.phi), 0.3) << seed;
+    const Pose2 product = compose(estimate->a_from_b, swapped->a_from_b);
+    EXPECT_LT(std::hypot(product.x, product.y) + std::abs(product.phi), 0.3) << seed;
     ++found;
     const Pose2 off = between(truth, estimate->a_from_b);
     const bool is_right = std::hypot(off.x, off.y) < 1.5 && std::abs(off.phi) < 0.15;
