@@ -33,7 +33,8 @@ Action set_up_run(CLI::App& verb) {
       ->type_name("A,B")
       ->allow_extra_args(false);
   verb.add_option("--cluster", arguments->cluster,
-                  "workers map the robots: the NATS server where they listen (mapweave worker); the maps are the same")
+                  "workers map the robots, judge pairs of maps and make dense maps: the NATS server where they listen "
+                  "(mapweave worker); the results are the same")
       ->type_name("URL");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {

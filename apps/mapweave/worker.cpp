@@ -1,4 +1,4 @@
-// mapweave worker: maps robots of runs, one after another, until it is stopped.
+// mapweave worker: does tasks of runs, one after another, until it is stopped.
 
 #include "command.h"
 #include "command_line.h"
@@ -69,9 +69,11 @@ ExitCode work(const Arguments& arguments) {
   }
   board.put(name, nlohmann::json{{"worker", name}, {"is_busy", true}}.dump());
   const runtime::Worker::Counts counts = worker.counts();
-  log(LogLevel::info, "worker " + name + " ends: " + std::to_string(counts.mapped) + " robots mapped" +
-                          (counts.failed > 0 ? ", " + std::to_string(counts.failed) + " could not be" : "") +
-                          (worker.is_busy() ? "; another worker maps robot " + counts.robot : ""));
+  log(LogLevel::info, "worker " + name + " ends: " + std::to_string(counts.mapped) + " robots mapped, " +
+                          std::to_string(counts.judged) + " tasks judged, " + std::to_string(counts.drawn) +
+                          " dense maps made" +
+                          (counts.failed > 0 ? ", " + std::to_string(counts.failed) + " could not be done" : "") +
+                          (worker.is_busy() ? "; left to another worker: " + counts.task : ""));
   std::this_thread::sleep_for(200ms);  // that it is gone
   return ExitCode::done;
 }

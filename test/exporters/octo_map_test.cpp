@@ -71,6 +71,17 @@ TEST(OctoMapWriter, writes_trees_that_octomap_reads) {
   EXPECT_EQ(colour, octomap::ColorOcTreeNode::Color(0x20, 0x40, 0x80));
 }
 
+TEST(OctoMapWriter, writes_a_tree_of_nothing_where_nothing_is_known) {
+  OctoMapWriter writer;
+  MapSlab slab;
+  slab.grid.columns = slab.grid.rows = 1;
+  slab.grid.log_odds = {OccupancyGrid::kUnknown};
+  writer.add(slab);
+  const OctoMapFiles files = writer.finish();
+  EXPECT_NE(read_ot(files.ot), nullptr);
+  EXPECT_FALSE(files.bt.empty());
+}
+
 TEST(OctoMapWriter, lets_what_went_away_go) {
   OctoMapWriter writer({0.05, 100.0});
   writer.add(kCamera, {{{1.5F, 0.2F, 1.0F}, 0xff0000}});  // somebody stood there once

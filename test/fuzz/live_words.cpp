@@ -2,8 +2,9 @@
 
 #include "fuzz_target.h"
 
-#include <live/cluster_task.h>
+#include <live/cluster_work.h>
 #include <live/program_word.h>
+#include <mapweave/maps/pair_to_judge.h>
 #include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/live_plan.h>
 #include <mapweave/runtime/live_requests.h>
@@ -68,26 +69,70 @@ Kind records() {
   return {round_trip(decode_robot_record), {encode(laser), encode(test::record_of_cameras())}};
 }
 
+ClusterTask task_of_kind(ClusterTaskKind kind, std::vector<std::string> blobs) {
+  ClusterTask task;
+  task.version = "0.1.0";
+  task.kind = kind;
+  task.name = "robot alpha";
+  task.configuration = "output: {octomap: true}\n";
+  task.robots = {{RobotId("alpha"), "alpha.rawlog", {}, "robots:\n  - id: alpha\n    log: alpha.rawlog\n"}};
+  task.blobs = std::move(blobs);
+  return task;
+}
+
+// Envelopes as one text: how long each is, then its bytes; the first one is the head.
+std::string joined(const std::vector<transport::Envelope>& envelopes) {
+  std::string bytes;
+  for (const transport::Envelope& envelope : envelopes)
+    bytes += std::to_string(envelope.bytes.size()) + "\n" + envelope.bytes;
+  return bytes;
+}
+
+void do_task(const ClusterTask& task) {
+  const auto progress = make_silent_progress();
+  switch (task.kind) {
+    case ClusterTaskKind::robot: plan_of(task, "none.rawlog"); return;
+    case ClusterTaskKind::judging: judged_by_worker(task, *progress); return;
+    case ClusterTaskKind::dense_map:
+      drawn_by_worker(task, std::vector<std::filesystem::path>(task.robots.size(), "none.rawlog"), *progress);
+      return;
+  }
+}
+
 Kind tasks() {
-  ClusterTask sound;
-  sound.version = "0.1.0";
-  sound.robot = RobotId("alpha");
-  sound.log = "alpha.rawlog";
-  sound.configuration = "robots:\n  - id: alpha\n    log: alpha.rawlog\n";
   const auto decode = [](std::string_view bytes) {
-    const ClusterTask task = decode_cluster_task(bytes, kWhere);
-    plan_of(task, "none.rawlog");
+    ClusterReader reader;
+    const char* subject = cluster_subject::kTask;
+    while (!bytes.empty()) {
+      const std::size_t line = std::min(bytes.find('\n'), bytes.size() - 1);
+      const std::size_t size = std::strtoul(std::string(bytes.substr(0, line)).c_str(), nullptr, 10);
+      bytes.remove_prefix(line + 1);
+      auto message = reader.add({subject, std::string(bytes.substr(0, size))}, kWhere);
+      bytes.remove_prefix(std::min(size, bytes.size()));
+      subject = cluster_subject::kPart;
+      if (!message) continue;
+      subject = cluster_subject::kTask;
+      do_task(decode_cluster_task(std::move(*message), kWhere));
+    }
   };
-  const auto decode_alone = round_trip(decode_cluster_task);
   return {[=](std::string_view bytes) {
-            decode_alone(bytes);
             try {
               decode(bytes);
             } catch (const Error& error) {
               expect(error.code() != ErrorCode::kInternal, error.what());
             }
           },
-          {encode(sound)}};
+          {joined(envelopes_of(task_of_kind(ClusterTaskKind::robot, {}))),
+           joined(envelopes_of(
+               task_of_kind(ClusterTaskKind::judging,
+                            {encode(std::vector<PairToJudge>{{MapId("alpha"), MapId("beta"), {}, true}}), "update"}))),
+           joined(envelopes_of(task_of_kind(
+               ClusterTaskKind::dense_map,
+               {R"({"ply": true, "octomap": true, "trajectories": [{"robot": "alpha", "label": "rgbd", "kind": "rgbd",
+                   "readout_s": 0, "inverse_depth_offset": 0, "frames": [], "keyframes": [1]}],
+                   "slabs": [{"height_m": 0.5, "resolution_m": 0.05, "origin_x_m": 0, "origin_y_m": 0, "columns": 2,
+                   "rows": 1}]})",
+                std::string(4, '\0')})))}};
 }
 
 Kind keys() {

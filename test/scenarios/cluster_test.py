@@ -1,4 +1,5 @@
 """run --cluster: robots of a run mapped by workers, programs of their own; the results are those of one process."""
+import re
 import shutil
 import signal
 import subprocess
@@ -7,6 +8,17 @@ import serve_test
 import support
 
 ROBOTS = ("alpha", "beta", "gamma")
+
+CAMERAS = """
+seed: 7
+buildings:
+  - {kind: apartment, furniture: {round: 0.3}, apartment: {width_m: 8, height_m: 7}}
+cameras:
+  - {id: rgbd, kind: rgbd, width: 320, height: 240, fx: 262, fy: 262, frames_per_second: 10}
+robots:
+  - {id: alpha, length_m: 5}
+  - {id: beta, length_m: 5}
+"""
 
 
 class Cluster(serve_test.WithBroker):
@@ -45,6 +57,9 @@ class Cluster(serve_test.WithBroker):
         self.assertEqual(serve_test.without_seconds(self.read_json("spread/merges.json")), serve_test.without_seconds(self.read_json("run/merges.json")))
         self.assertEqual(self.read_json("spread/manifest.json")["inputs"], self.read_json("run/manifest.json")["inputs"])
 
+    def count(self, said, what):
+        return int(re.search(rf"(\d+) {what}", said).group(1))
+
     def stop(self, worker, name):
         worker.send_signal(signal.SIGTERM)
         self.assert_ends(worker, name)
@@ -57,16 +72,33 @@ class Cluster(serve_test.WithBroker):
             self.assertIn(f"robot {robot}: worker w", self.said("spread-run"))
         self.assert_results_of_one_process()
         said = [self.stop(worker, f"w{i}") for i, worker in enumerate(workers)]
-        mapped = [int(one.split(" ends: ")[1].split()[0]) for one in said]
+        mapped = [self.count(one, "robots mapped") for one in said]
         self.assertEqual(sum(mapped), len(ROBOTS), said)
         self.assertTrue(all(mapped), f"both work: {mapped}")
+
+    def test_pairs_are_judged_and_dense_maps_made_by_workers(self):
+        shutil.rmtree(self.folder / "run")
+        logs = self.folder / "logs"
+        shutil.rmtree(logs)
+        self.mapweave("simulate", self.write("cameras.yaml", CAMERAS), "--out", "logs")
+        robots = "".join(f"  - {{id: {name}, log: {name}.rawlog, edge: {edge}, sensor: all}}\n" for name, edge in (("alpha", "west"), ("beta", "east")))
+        (logs / "run.yaml").write_text(f"robots:\n{robots}output: {{ply: true, octomap: true, octomaps_of: all}}\n")
+        self.mapweave("run", "logs/run.yaml", "--out", "run")
+        workers = [self.start_worker(f"w{i}") for i in range(2)]
+        self.assert_ends(self.start_run(), "spread-run")
+        self.assert_results_of_one_process()
+        for name in ("map.ply", "map.dense.pcd", "map.bt", "map.ot"):
+            self.assertIn(f"team/{name}", self.outputs("spread"))
+        said = [self.stop(worker, f"w{i}") for i, worker in enumerate(workers)]
+        self.assertGreater(sum(self.count(one, "tasks judged") for one in said), 0, said)
+        self.assertEqual(sum(self.count(one, "dense maps made") for one in said), 5, "of two robots, two edges and the team")
 
     def test_a_worker_that_dies_costs_its_task_alone(self):
         first = self.start_worker("first")
         run = self.start_run()
         self.wait_for(lambda: "robot alpha: worker first" in self.said("spread-run"), "the worker gets no task")
         first.kill()
-        self.wait_for(lambda: "worker first is silent; another one maps robot alpha" in self.said("spread-run"), "nobody misses the worker")
+        self.wait_for(lambda: "worker first is silent; another one gets its task: robot alpha" in self.said("spread-run"), "nobody misses the worker")
         second = self.start_worker("second")
         self.assert_ends(run, "spread-run")
         self.assert_results_of_one_process()

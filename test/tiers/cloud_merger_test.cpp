@@ -116,6 +116,52 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(alone.seal(pool, *progress)));
 }
 
+TEST_F(CloudTest, lets_whoever_holds_no_map_judge_what_tiers_begin_with) {
+  const Map alpha = test::make_map("alpha", 6, 100.0, 2.0), beta = test::make_map("beta", 6, 100.0, 2.05),
+            gamma = test::make_map("gamma", 4, 100.0, 2.12);
+  const auto judged = [&](const JudgingWork& work) {
+    std::vector<Judgement> judgements;
+    for (const JudgingTask& task : shared_out(work, 2))
+      for (Judgement& one :
+           decode_judgements(encode(judge(work_of(task, "test"), {}, nullptr, pool, *progress)), "test"))
+        judgements.push_back(std::move(one));
+    return judgements;
+  };
+  EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}, kWhole),
+      unaided(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}, kWhole);
+  CloudMerger aided(TierId("cloud"), {});
+  const auto of_north = judged(north.first_work({&alpha, &gamma}, pool));
+  EXPECT_FALSE(of_north.empty());
+  north.know(of_north);
+  for (const Map* map : {&alpha, &gamma}) {
+    const RobotOutcome outcome{RobotId(map->id.str()), *map, std::nullopt};
+    const auto effects = north.step(outcome, pool, *progress);
+    EXPECT_EQ(effects.for_cloud, unaided.step(outcome, pool, *progress).for_cloud);
+    for (const std::string& bytes : effects.for_cloud)
+      for (CloudMerger* merger : {&cloud, &aided}) merger->receive(bytes, "test");
+  }
+  EXPECT_EQ(everything(north.result()), everything(unaided.result()));
+
+  // Beta maps on board, without an edge.
+  for (CloudMerger* merger : {&cloud, &aided}) merger->receive(first_update(beta, TierId("beta")), "test");
+  const JudgingWork work = cloud.first_work({north.id()}, pool);
+  ASSERT_EQ(work.pairs.size(), 2u) << "alpha and gamma are north's";
+  EXPECT_EQ(shared_out(work, 1).size(), 1u);
+  EXPECT_EQ(shared_out(work, 5).size(), 2u);
+  const auto of_cloud = judged(work);
+  EXPECT_FALSE(of_cloud.empty());
+  aided.know(of_cloud);
+  EXPECT_EQ(everything(aided.seal(pool, *progress)), everything(cloud.seal(pool, *progress)));
+
+  JudgingTask task = shared_out(work, 1).front();
+  task.updates.pop_back();
+  EXPECT_THROW(work_of(task, "test"), Error) << "a map is missing";
+  task.updates.push_back(first_update(alpha, TierId("north")));
+  EXPECT_THROW(work_of(task, "test"), Error) << "a map is there twice";
+  EXPECT_THROW(work_of({"nonsense", {}}, "test"), Error);
+  EXPECT_THROW(decode_judgements("nonsense", "test"), Error);
+}
+
 TEST_F(CloudTest, merges_what_an_edge_merged_and_takes_whole_maps_in_their_place) {
   EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {});
   EdgeServer::Effects effects;

@@ -242,7 +242,7 @@ OctoMapFiles OctoMapWriter::finish() {
   MAPWEAVE_EXPECT(!tree_->finished, "the end comes once");
   tree_->finished = true;
   octomap::ColorOcTree& tree = *tree_->tree;
-  tree.updateInnerOccupancy();  // colours of larger cells
+  if (tree.size() > 0) tree.updateInnerOccupancy();  // colours of larger cells; OctoMap's fails on an empty tree
   tree.prune();
   OctoMapFiles files;
   std::ostringstream ot;

@@ -1,9 +1,9 @@
 #include <mapweave/core/error.h>
-#include <mapweave/maps/pair_to_judge.h>
 #include <mapweave/tiers/cloud_merger.h>
 #include <mapweave/tiers/edge_server.h>
 
 #include "maps_in_doubt.h"
+#include "part_of_map.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -12,33 +12,10 @@
 namespace mapweave::tiers {
 namespace {
 
-// These submaps with their nodes.
-Map part_of(const Map& map, const std::set<SubmapId>& submaps) {
-  Map part;
-  part.id = map.id;
-  std::set<NodeId> nodes;
-  for (const SubmapId& id : submaps) {
-    const Submap& submap = *map.submaps.find(id);
-    for (const auto& member : submap.submap_from_node) nodes.insert(member.first);
-    part.submaps.set(id, submap);
-  }
-  for (const NodeId& id : nodes) part.nodes.set(id, *map.nodes.find(id));
-  return part;
-}
-
 // The edge left scans out.
 bool is_thinned(const Map& map) {
   return std::any_of(map.nodes.begin(), map.nodes.end(),
                      [](const auto& entry) { return entry.second.payload == nullptr; });
-}
-
-PairToJudge as_sent(const fusion::FirstPair& pair) {
-  PairToJudge sent{pair.a, pair.b, {}, pair.have_cameras};
-  for (const fusion::SubmapPair& submaps : pair.submaps) {
-    const matching::WideWindow& window = submaps.a_from_b;
-    sent.submaps.push_back({submaps.a, submaps.b, window.a_from_b, window.radius_m, window.yaw_rad, window.known_part});
-  }
-  return sent;
 }
 
 }  // namespace
@@ -159,6 +136,19 @@ std::map<TierId, JudgingTask> CloudMerger::judging_tasks(const std::set<TierId>&
           first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));
     }
   return judging_tasks;
+}
+
+JudgingWork CloudMerger::first_work(const std::set<TierId>& edges, WorkerPool& pool) const {
+  JudgingWork work = tiers::first_work(input(), options_, pool);
+  const auto is_at_an_edge = [&](const MapId& id) {
+    const auto inbox = inboxes_.find(id);
+    return inbox != inboxes_.end() && edges.count(inbox->second.receipt().origin.tier) != 0;
+  };
+  work.pairs.erase(
+      std::remove_if(work.pairs.begin(), work.pairs.end(),
+                     [&](const PairToJudge& pair) { return is_at_an_edge(pair.a) && is_at_an_edge(pair.b); }),
+      work.pairs.end());
+  return work;
 }
 
 fusion::FusionInput CloudMerger::input() const {

@@ -1,26 +1,14 @@
 #include <mapweave/tiers/edge_server.h>
 
 #include "maps_in_doubt.h"
+#include "part_of_map.h"
 
 #include <mapweave/maps/map_update.h>
 #include <mapweave/maps/merged_maps.h>
-#include <mapweave/maps/pair_to_judge.h>
 
 #include <algorithm>
 
 namespace mapweave::tiers {
-namespace {
-
-fusion::FirstPair as_judged(const PairToJudge& sent) {
-  fusion::FirstPair pair{sent.a, sent.b, {}, sent.have_cameras};
-  for (const SubmapsToJudge& submaps : sent.submaps)
-    pair.submaps.push_back(
-        {submaps.a, submaps.b, {submaps.a_from_b, submaps.radius_m, submaps.yaw_rad, submaps.known_part}});
-  return pair;
-}
-
-}  // namespace
-
 std::string first_update(const Map& map, const TierId& from, std::uint64_t sequence, bool in_floats) {
   MapUpdate update = difference(Map{}, map);
   update.origin = {from, map.id};
@@ -55,14 +43,10 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
 
   effects.fused = true;
   if (maps_.empty()) return effects;
-  fusion::FusionInput input;
-  input.by = edge_;
-  input.priors = priors_;
-  input.refused = refused_;
-  input.models = models_;
+  fusion::FusionInput input = this->input();
   for (const auto& [id, map] : maps_) input.maps.push_back(map);
-  fusion::Memo memo;
-  result_ = fusion::fuse(input, options_, memo, pool, progress);
+  result_ = fusion::fuse(input, options_, memo_, pool, progress);
+  memo_.clear();
   models_->clear();  // the next who needs memory is the cloud
 
   if (sent_options_.thin) {
@@ -115,10 +99,7 @@ const Map* EdgeServer::as_sent(const MapId& id) const {
 EdgeServer::Effects EdgeServer::step(const RobotUpdates& sent, WorkerPool& pool, Progress& progress) {
   RobotOutcome outcome{sent.robot, std::nullopt, std::nullopt};
   for (const std::string& bytes : sent.updates) {
-    const MapUpdate update = decode_map_update(bytes, "a map of robot " + sent.robot.str());
-    Map map;
-    map.id = update.origin.map;
-    map = updated(std::move(map), update);
+    Map map = map_in(bytes, "a map of robot " + sent.robot.str());
     if (!outcome.map)
       outcome.map = std::move(map);
     else
@@ -155,35 +136,49 @@ std::vector<std::string> EdgeServer::updates_of(const std::vector<Judgement>& ju
   return encoded;
 }
 
-EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool& pool, Progress& progress) {
-  fusion::FusionInput input;
-  input.by = edge_;
-  input.models = models_;
+JudgingWork EdgeServer::work_of(const JudgingTask& task) const {
+  JudgingWork work{decode_pairs_to_judge(task.pairs, "what edge " + edge_.str() + " is to judge"), {}};
   std::set<MapId> needed;
-  std::vector<fusion::FirstPair> pairs;
-  for (const PairToJudge& sent : decode_pairs_to_judge(judging_task.pairs, "what edge " + edge_.str() + " is to judge"))
-    pairs.push_back(as_judged(sent));
-  for (const fusion::FirstPair& pair : pairs) {
+  for (const PairToJudge& pair : work.pairs) {
     if (!maps_.contains(pair.a) && !maps_.contains(pair.b))
       throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here",
                   "edge " + edge_.str());
-    needed.insert(pair.a);
-    needed.insert(pair.b);
+    needed.insert({pair.a, pair.b});
   }
   for (const MapId& id : needed)
-    if (const Map* map = as_sent(id)) input.maps.push_back(*map);
-  for (const std::string& bytes : judging_task.updates) {
-    const MapUpdate update = decode_map_update(bytes, "a map sent to edge " + edge_.str());
-    Map map;
-    map.id = update.origin.map;
-    if (needed.count(map.id) != 0 && !maps_.contains(map.id)) input.maps.push_back(updated(map, update));
+    if (const Map* map = as_sent(id)) work.maps.push_back(*map);
+  for (const std::string& bytes : task.updates) {
+    Map map = map_in(bytes, "a map sent to edge " + edge_.str());
+    if (needed.count(map.id) != 0 && !maps_.contains(map.id)) work.maps.push_back(std::move(map));
   }
-  if (input.maps.size() != needed.size())
+  if (work.maps.size() != needed.size())
     throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
-  fusion::Memo memo;
+  return work;
+}
+
+EdgeServer::Effects EdgeServer::step(const JudgingTask& task, WorkerPool& pool, Progress& progress) {
+  return step(judge(work_of(task), options_, models_, pool, progress));
+}
+
+EdgeServer::Effects EdgeServer::step(const std::vector<Judgement>& judgements) {
   Effects effects;
-  effects.for_cloud = updates_of(fusion::judge_pairs(input, pairs, options_, memo, pool, progress));
+  effects.for_cloud = updates_of(judgements);
   return effects;
+}
+
+JudgingWork EdgeServer::first_work(const std::vector<const Map*>& maps, WorkerPool& pool) const {
+  fusion::FusionInput first = input();
+  for (const Map* map : maps) first.maps.push_back(*map);
+  return tiers::first_work(std::move(first), options_, pool);
+}
+
+fusion::FusionInput EdgeServer::input() const {
+  fusion::FusionInput input;
+  input.by = edge_;
+  input.priors = priors_;
+  input.refused = refused_;
+  input.models = models_;
+  return input;
 }
 
 }  // namespace mapweave::tiers

@@ -1,4 +1,4 @@
-#include "cluster_task.h"
+#include "cluster_work.h"
 #include "on_board.h"
 #include "record_json.h"
 
@@ -22,68 +22,104 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kAlive{1};
 constexpr std::int64_t kMoment_ns = 500'000'000;  // of data, after which it looks whether it is still wanted
 
-std::filesystem::path find_log(const ClusterTask& task, const std::filesystem::path& folder) {
+std::filesystem::path find_log(const ClusterTask::Robot& robot, const std::filesystem::path& folder) {
   std::error_code ignored;
-  std::filesystem::path log(task.log);
+  std::filesystem::path log(robot.log);
   if (!folder.empty() && std::filesystem::exists(folder / log.filename(), ignored)) log = folder / log.filename();
   if (!std::filesystem::exists(log, ignored))
-    throw Error(ErrorCode::kMissing, "the log of robot '" + task.robot.str() + "' is not here", task.log,
+    throw Error(ErrorCode::kMissing, "the log of robot '" + robot.id.str() + "' is not here", robot.log,
                 "share the folder of the logs, or name where they lie: mapweave worker --logs DIR");
-  if (hash_of_input(log) != task.log_sha256)
-    throw Error(ErrorCode::kBadInput, "the log of robot '" + task.robot.str() + "' is another one here", log.string(),
+  if (hash_of_input(log) != robot.log_sha256)
+    throw Error(ErrorCode::kBadInput, "the log of robot '" + robot.id.str() + "' is another one here", log.string(),
                 "copy the run's log here");
   return log;
 }
 
+// Of who does the task: a run that is gone ends it.
+class ProgressForRun final : public Progress {
+ public:
+  explicit ProgressForRun(const std::atomic<bool>& gives_up) : gives_up_(gives_up) {}
+  int begin(std::string_view /*task*/, std::uint64_t /*total*/, std::string_view /*unit*/) override { return 0; }
+  void advance(int /*task*/, std::uint64_t /*done*/) override {
+    if (gives_up_) throw Interrupted();
+  }
+  void end(int /*task*/) override {}
+  void say(std::string_view /*line*/) override {}
+
+ private:
+  const std::atomic<bool>& gives_up_;
+};
+
 }  // namespace
 
 struct Worker::State {
+  State(std::string called, Connect accepting, std::filesystem::path there)
+      : name(std::move(called)), accept(std::move(accepting)), logs(std::move(there)) {}
   const std::string name;
   const Connect accept;
   const std::filesystem::path logs;
 
   std::shared_ptr<transport::Channel> channel;
+  ClusterReader reader;                    // of the next task
+  bool is_receiving = false;               // a part of it is here
   std::deque<transport::Envelope> to_say;  // what there was no room for yet
   bool has_ended = false;                  // all of the task is in `to_say` or sent
   Clock::time_point said_alive{};
-  std::thread mapping;
+  std::thread working;
   std::atomic<bool> gives_up{false};
-  mutable std::mutex mutex;  // what the mapping thread leaves
-  std::optional<std::deque<transport::Envelope>> mapped;
+  mutable std::mutex mutex;  // what the working thread leaves
+  std::optional<std::deque<transport::Envelope>> words;
   std::uint64_t seen = 0;
   Counts counts;
 
   void begin(const transport::Envelope& envelope);
-  void map(const ClusterTask& task);
-  void end_mapping();
-  void leave(std::deque<transport::Envelope> words) {
+  void work(const ClusterTask& task);
+  std::vector<transport::Envelope> map(const ClusterTask& task);
+  void end_working();
+  void leave(const std::vector<transport::Envelope>& said) {
     const std::lock_guard lock(mutex);
-    mapped = std::move(words);
+    words.emplace(said.begin(), said.end());
   }
-  bool is_busy() const { return mapping.joinable() || !to_say.empty() || has_ended; }
+  bool is_busy() const { return working.joinable() || !to_say.empty() || has_ended; }
 };
 
-void Worker::State::map(const ClusterTask& task) {
+// What it has to say of a robot that it mapped. Throws Interrupted where the run is gone.
+std::vector<transport::Envelope> Worker::State::map(const ClusterTask& task) {
+  const RobotPlan own = plan_of(task, find_log(task.robots.front(), logs));
+  OnBoardMapping robot(own.plan.robots.front(), own.configuration);
+  for (auto next = robot.next(); next; next = robot.next()) {
+    if (gives_up) throw Interrupted();
+    robot.advance({next->ns + kMoment_ns}, gives_up);
+    const std::uint64_t so_far = robot.seen();
+    const std::lock_guard lock(mutex);
+    seen = so_far;
+  }
+  std::vector<transport::Envelope> said;
+  for (const Sensed& message : robot.finish(false)) said.push_back({cluster_subject::kMapped, encode(message)});
+  return said;
+}
+
+void Worker::State::work(const ClusterTask& task) {
   const auto failed = [&](const Error& error) {
     leave({{cluster_subject::kFailed, json_text(json_of(error), -1)}});
     const std::lock_guard lock(mutex);
     ++counts.failed;
   };
   try {
-    const WorkerPlan work = plan_of(task, find_log(task, logs));
-    OnBoardMapping robot(work.plan.robots.front(), work.configuration);
-    for (auto next = robot.next(); next && !gives_up; next = robot.next()) {
-      robot.advance({next->ns + kMoment_ns}, gives_up);
-      const std::uint64_t so_far = robot.seen();
-      const std::lock_guard lock(mutex);
-      seen = so_far;
+    ProgressForRun progress(gives_up);
+    if (task.kind == ClusterTaskKind::robot) {
+      leave(map(task));
+    } else if (task.kind == ClusterTaskKind::judging) {
+      leave(envelopes_of(cluster_subject::kAnswer, judged_by_worker(task, progress)));
+    } else {
+      std::vector<std::filesystem::path> found;
+      for (const ClusterTask::Robot& robot : task.robots) found.push_back(find_log(robot, logs));
+      leave(envelopes_of(cluster_subject::kAnswer, drawn_by_worker(task, found, progress)));
     }
-    if (gives_up) return leave({});
-    std::deque<transport::Envelope> words;
-    for (const Sensed& message : robot.finish(false)) words.push_back({cluster_subject::kMapped, encode(message)});
-    leave(std::move(words));
     const std::lock_guard lock(mutex);
-    ++counts.mapped;
+    ++(task.kind == ClusterTaskKind::robot     ? counts.mapped
+       : task.kind == ClusterTaskKind::judging ? counts.judged
+                                               : counts.drawn);
   } catch (const Error& error) {
     failed(error);
   } catch (const Interrupted&) {
@@ -92,48 +128,53 @@ void Worker::State::map(const ClusterTask& task) {
 }
 
 void Worker::State::begin(const transport::Envelope& envelope) {
-  if (envelope.subject != cluster_subject::kTask || is_busy()) return;
+  if ((envelope.subject != cluster_subject::kTask && envelope.subject != cluster_subject::kPart) || is_busy()) return;
   try {
-    const ClusterTask task = decode_cluster_task(envelope.bytes, "task");
+    is_receiving = true;
+    std::optional<ClusterMessage> message = reader.add(envelope, "task");
+    if (!message) return;
+    is_receiving = false;
+    const ClusterTask task = decode_cluster_task(std::move(*message), "task");
     if (task.version != program_version())
       throw Error(ErrorCode::kUnsupported,
                   "worker " + name + " is version " + program_version() + ", the run is version " + task.version, "",
                   "give both the same version");
     gives_up = false;
     seen = 0;
-    counts.robot = task.robot.str();
-    mapping = std::thread([this, task] { map(task); });
-    log(LogLevel::info, "worker " + name + " maps robot " + task.robot.str());
+    counts.task = task.name;
+    working = std::thread([this, task] { work(task); });
+    log(LogLevel::info, "worker " + name + " works: " + task.name);
   } catch (const Error& error) {
+    is_receiving = false;
     to_say.push_back({cluster_subject::kFailed, json_text(json_of(error), -1)});
     has_ended = true;
   }
 }
 
-void Worker::State::end_mapping() {
-  if (!mapping.joinable()) return;
+void Worker::State::end_working() {
+  if (!working.joinable()) return;
   gives_up = true;
-  mapping.join();
+  working.join();
   const std::lock_guard lock(mutex);
-  mapped.reset();
-  counts.robot.clear();
+  words.reset();
+  counts.task.clear();
 }
 
 Worker::Worker(std::string name, Connect accept, std::filesystem::path logs)
-    : state_(new State{std::move(name), std::move(accept), std::move(logs), {}, {}, false, {}, {}, {}, {}, {}, 0, {}}) {
-}
+    : state_(new State(std::move(name), std::move(accept), std::move(logs))) {}
 
-Worker::~Worker() { state_->end_mapping(); }
+Worker::~Worker() { state_->end_working(); }
 
 void Worker::step() {
   State& s = *state_;
   if (s.channel == nullptr || s.channel->is_closed()) {
     if (s.is_busy()) {  // who asked is gone
-      s.end_mapping();
+      s.end_working();
       ++s.counts.given_up;
     }
     s.to_say.clear();
-    s.has_ended = false;
+    s.has_ended = s.is_receiving = false;
+    s.reader = {};
     s.channel = s.accept();
     if (s.channel == nullptr) return;
   }
@@ -141,13 +182,13 @@ void Worker::step() {
     s.begin(delivery.envelope);
     s.channel->acknowledge(delivery.number);
   }
-  if (s.mapping.joinable()) {
+  if (s.working.joinable() || s.is_receiving) {
     std::unique_lock lock(s.mutex);
-    if (s.mapped) {
-      s.to_say.insert(s.to_say.end(), s.mapped->begin(), s.mapped->end());
+    if (s.words) {
+      s.to_say.insert(s.to_say.end(), s.words->begin(), s.words->end());
       s.has_ended = true;
       lock.unlock();
-      s.end_mapping();
+      s.end_working();
     } else if (Clock::now() - s.said_alive >= kAlive) {
       s.said_alive = Clock::now();
       s.channel->send({cluster_subject::kAlive, std::to_string(s.seen), {}, 0, true});

@@ -100,7 +100,7 @@ void Results::add_map(const std::string& folder, const std::string& title, MapOf
   DenseContent content = dense_content(of);
   if (content.octomap) content.slabs = slabs(title, map, grid);
   if (content.ply || content.octomap) content.trajectories = depth_trajectories(map, {}, cameras);
-  draw_dense(folder, title, content);
+  draw_dense(folder, title, std::move(content));
   output_seconds_ += watch.seconds();
 }
 
@@ -181,17 +181,33 @@ std::vector<exporters::MapSlab> Results::slabs(const std::string& title, const M
   return {};
 }
 
-void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, const DenseContent& content) {
+void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, DenseContent content) {
   if (interrupted_ || !content.is_any()) return;
   saw_depth_ = saw_depth_ || !content.trajectories.empty();
   saw_slabs_ = saw_slabs_ || !content.slabs.empty();
+  requested_.push_back({folder_.staging() / folder, title, std::move(content)});
+  notes_before_.push_back(notes_.size());
+  if (!dense_maker_) draw_requested();
+}
+
+// Notes of each stand where they would if it had been drawn when it was asked for.
+void Results::draw_requested() {
+  std::vector<std::optional<std::vector<std::string>>> drawn(requested_.size());
   try {
-    for (const std::string& note : write_dense_map(folder_.staging() / folder, content, configuration_, progress_))
-      notes_.push_back(title + ": " + note);
+    if (dense_maker_) drawn = dense_maker_(requested_);
+    for (std::size_t i = 0; i < requested_.size(); ++i)
+      if (!drawn[i]) drawn[i] = write_dense_map(requested_[i].folder, requested_[i].content, configuration_, progress_);
   } catch (const Interrupted&) {
     interrupted_ = true;
     clear_interrupt();  // as for grids
   }
+  for (std::size_t i = requested_.size(); i-- > 0;) {
+    if (!drawn[i]) continue;
+    for (std::string& note : *drawn[i]) note = requested_[i].title + ": " + note;
+    notes_.insert(notes_.begin() + static_cast<std::ptrdiff_t>(notes_before_[i]), drawn[i]->begin(), drawn[i]->end());
+  }
+  requested_.clear();
+  notes_before_.clear();
 }
 
 void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories,
@@ -214,7 +230,7 @@ void Results::add_cameras(const std::string& folder, const std::string& title, s
     if (!of) continue;
     DenseContent content = dense_content(*of);
     if (content.ply || content.octomap) content.trajectories = depth_trajectories(cameras.maps[i], cameras);
-    draw_dense(place, name, content);
+    draw_dense(place, name, std::move(content));
   }
   for (const std::string& note : cameras.notes) notes_.push_back(title + ": " + note);
   if (cameras.maps.size() > 1 && cameras.notes.empty())
@@ -294,7 +310,7 @@ void Results::add_components(const FusedPlace& place, const fusion::FusionResult
     for (const CamerasOutcome& outcome : cameras)
       for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
         content.trajectories.push_back(std::move(trajectory));
-    draw_dense(folder, name, content);
+    draw_dense(folder, name, std::move(content));
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;
@@ -342,6 +358,11 @@ void Results::put_trajectory_first(const RobotId& robot) {
 
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,
                      Report& report) {
+  if (!requested_.empty()) {
+    const Stopwatch watch;
+    draw_requested();
+    output_seconds_ += watch.seconds();
+  }
   report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
   const bool lacks_octomap = configuration_.output.octomap && !saw_slabs_;
   if ((configuration_.output.ply || lacks_octomap) && !saw_depth_ && !interrupted_)

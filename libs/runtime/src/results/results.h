@@ -16,6 +16,7 @@
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/runtime/team_frame.h>
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -41,6 +42,13 @@ inline FusedPlace team_place(std::vector<TeamFrame> frames) {
 // In the metadata of a store: where an interruption ended the log of its map; of a team, that of a member.
 inline constexpr const char* kCutShortKey = "cut_short";
 inline std::string cut_short_key(const MapId& member) { return kCutShortKey + ("." + member.str()); }
+
+// Dense files that are not written yet.
+struct DenseRequest {
+  std::filesystem::path folder;  // which is there
+  std::string title;             // for people
+  DenseContent content;
+};
 
 class Results {
  public:
@@ -79,6 +87,10 @@ class Results {
   void set_cut_short(std::string where) { cut_short_ = std::move(where); }
   // The same of maps that were given: their stores, and those of their teams, go on saying it.
   void set_cut_short(std::map<MapId, std::string> where) { cut_short_maps_ = std::move(where); }
+  // Who writes dense files: all at commit(), with the notes of each; nullopt: this process does. Throws Interrupted.
+  using DenseMaker =
+      std::function<std::vector<std::optional<std::vector<std::string>>>(const std::vector<DenseRequest>&)>;
+  void set_dense_maker(DenseMaker maker) { dense_maker_ = std::move(maker); }
   // What was said beside the maps: stores of components keep it.
   void set_requests(KeptRequests requests) { requests_ = std::move(requests); }
   // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and
@@ -93,7 +105,8 @@ class Results {
   void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map,
                       const PlannedRobot& robot);
   DenseContent dense_content(MapOf of) const;
-  void draw_dense(const std::filesystem::path& folder, const std::string& title, const DenseContent& content);
+  void draw_dense(const std::filesystem::path& folder, const std::string& title, DenseContent content);
+  void draw_requested();
   std::vector<exporters::MapSlab> slabs(const std::string& title, const Map& map, const OccupancyGrid& composed);
   // Returns by what identity it stands there: a new one, or the next version of what it continues.
   MapIdentity store(const std::string& folder, mapdb::StoredMaps stored, const MapIdentity& continued);
@@ -113,6 +126,9 @@ class Results {
   OutputFolder folder_;
   double composing_seconds_ = 0.0, output_seconds_ = 0.0;
   bool interrupted_ = false, saw_depth_ = false, saw_slabs_ = false;
+  DenseMaker dense_maker_;
+  std::vector<DenseRequest> requested_;
+  std::vector<std::size_t> notes_before_;  // each of these
   std::vector<std::string> notes_;
   std::vector<const Map*> own_maps_;
   KeptRequests requests_;

@@ -1,3 +1,4 @@
+#include "live/cluster_run.h"
 #include "plan/log_parts.h"
 #include "plan/team_options.h"
 #include "results/robot_results.h"
@@ -111,7 +112,11 @@ TeamRun::TeamRun(const RunConfiguration& configuration, const RunPlan& plan, con
   inputs_ = starts_.files;
   cloud_.begin_with(starts_.maps);
   frame_request();  // says now what is wrong with it
-  if (settings.cluster != nullptr) expect_cluster(configuration, plan);
+  if (settings.cluster == nullptr) return;
+  expect_cluster(configuration, plan);
+  results_.set_dense_maker([this](const std::vector<DenseRequest>& requests) {
+    return draw_on_cluster(configuration_, requests, inputs_, *settings_.cluster, progress_);
+  });
 }
 
 Report TeamRun::run() {
@@ -264,31 +269,56 @@ void TeamRun::send_to_cloud(const std::vector<std::string>& updates, const std::
   for (const std::string& update : updates) cloud_.receive(update, "update of " + from);
 }
 
+std::vector<RobotId> TeamRun::robots_of(const TierId& edge) const {
+  std::vector<RobotId> members;
+  for (const PlannedRobot& robot : plan_.robots)
+    if (robot.edge == edge) members.push_back(robot.id);
+  return members;
+}
+
 // Edges fuse what their robots left, and send it to the cloud, which fuses everything again.
 void TeamRun::fuse_on_edges() {
-  if (configuration_.mode != Mode::cloud_only) {
-    for (const TierId& id : plan_.edges) {
-      std::vector<RobotId> members;
-      for (const PlannedRobot& robot : plan_.robots)
-        if (robot.edge == id) members.push_back(robot.id);
-      if (members.empty()) continue;  // the coordinator gave it none
-      tiers::EdgeServer server(id, members, configuration_.fusion, configuration_.cloud.maps);
-      server.set_priors(priors_);
-      server.set_refused(refused_);
-      MeteredEdge edge(std::move(server), edge_entry(configuration_, id).speed);
-      for (std::size_t i = 0; i < outcomes_.size(); ++i) {
-        if (std::find(members.begin(), members.end(), outcomes_[i].robot) == members.end()) continue;
-        const auto effects = configuration_.mode == Mode::onboard
-                                 ? edge.step(updates_of(outcomes_[i]), pool_, progress_)
-                                 : edge.step(outcomes_[i], pool_, progress_);
-        report_.work.robots[i].map_bytes = effects.map_bytes;
-        send_to_cloud(effects.for_cloud, "edge " + id.str());
-        for (const std::string& merged : effects.merged) cloud_.receive_merged(merged, "edge " + id.str());
-      }
-      edges_.push_back(std::move(edge));
+  std::vector<tiers::EdgeServer> servers;
+  for (const TierId& id : plan_.edges) {
+    const std::vector<RobotId> members = robots_of(id);
+    if (members.empty() || configuration_.mode == Mode::cloud_only) continue;  // the coordinator gave it none
+    tiers::EdgeServer& server = servers.emplace_back(id, members, configuration_.fusion, configuration_.cloud.maps);
+    server.set_priors(priors_);
+    server.set_refused(refused_);
+  }
+  if (settings_.cluster != nullptr) judge_for_edges(servers);
+  for (tiers::EdgeServer& server : servers) {
+    const TierId id = server.id();
+    const std::vector<RobotId> members = robots_of(id);
+    MeteredEdge edge(std::move(server), edge_entry(configuration_, id).speed);
+    for (std::size_t i = 0; i < outcomes_.size(); ++i) {
+      if (std::find(members.begin(), members.end(), outcomes_[i].robot) == members.end()) continue;
+      const auto effects = configuration_.mode == Mode::onboard ? edge.step(updates_of(outcomes_[i]), pool_, progress_)
+                                                                : edge.step(outcomes_[i], pool_, progress_);
+      report_.work.robots[i].map_bytes = effects.map_bytes;
+      send_to_cloud(effects.for_cloud, "edge " + id.str());
+      for (const std::string& merged : effects.merged) cloud_.receive_merged(merged, "edge " + id.str());
     }
+    edges_.push_back(std::move(edge));
   }
   send_maps_of_robots();
+}
+
+// What each edge begins with, answered by workers.
+void TeamRun::judge_for_edges(std::vector<tiers::EdgeServer>& servers) {
+  std::vector<tiers::JudgingWork> work;
+  for (const tiers::EdgeServer& server : servers) {
+    const std::vector<RobotId> members = robots_of(server.id());
+    std::vector<const Map*> maps;
+    for (const tiers::RobotOutcome& outcome : outcomes_) {
+      if (std::find(members.begin(), members.end(), outcome.robot) == members.end()) continue;
+      if (outcome.map) maps.push_back(&*outcome.map);
+      for (const Map& map : outcome.apart) maps.push_back(&map);
+    }
+    work.push_back(server.first_work(maps, pool_));
+  }
+  const auto judgements = judge_on_cluster(configuration_, work, *settings_.cluster, pool_, progress_);
+  for (std::size_t i = 0; i < servers.size(); ++i) servers[i].know(judgements[i]);
 }
 
 // Of those without an edge; in mode cloud-only that is everyone.
@@ -302,15 +332,40 @@ void TeamRun::send_maps_of_robots() {
   }
 }
 
-// Maps that lie on two edges are compared there, for the cloud.
+// Maps that lie on two edges are compared there, for the cloud; or by workers, as what else the cloud begins with.
 void TeamRun::judge_on_edges() {
-  if (!configuration_.cloud.edges_judge) return;
   std::set<TierId> names;
   for (const MeteredEdge& edge : edges_) names.insert(edge.id());
-  const auto tasks = cloud_.judging_tasks(names, pool_);
-  for (MeteredEdge& edge : edges_)
-    if (const auto task = tasks.find(edge.id()); task != tasks.end())
-      send_to_cloud(edge.step(task->second, pool_, progress_).for_cloud, "edge " + edge.id().str());
+  std::map<TierId, tiers::JudgingTask> tasks;
+  if (configuration_.cloud.edges_judge) tasks = cloud_.judging_tasks(names, pool_);
+  std::map<TierId, std::vector<Judgement>> judgements;
+  if (settings_.cluster != nullptr) judgements = judge_on_workers(tasks);
+  for (MeteredEdge& edge : edges_) {
+    const auto task = tasks.find(edge.id());
+    if (task == tasks.end()) continue;
+    const auto judged = judgements.find(edge.id());
+    send_to_cloud((judged != judgements.end() ? edge.step(task->second, judged->second)
+                                              : edge.step(task->second, pool_, progress_))
+                      .for_cloud,
+                  "edge " + edge.id().str());
+  }
+}
+
+std::map<TierId, std::vector<Judgement>> TeamRun::judge_on_workers(const std::map<TierId, tiers::JudgingTask>& tasks) {
+  std::vector<tiers::JudgingWork> work;
+  std::set<TierId> names;
+  for (const MeteredEdge& edge : edges_) {
+    names.insert(edge.id());
+    if (const auto task = tasks.find(edge.id()); task != tasks.end()) work.push_back(edge.edge().work_of(task->second));
+  }
+  // With edges that judge nothing, all of it is the cloud's.
+  work.push_back(cloud_.first_work(configuration_.cloud.edges_judge ? names : std::set<TierId>(), pool_));
+  const auto judgements = judge_on_cluster(configuration_, work, *settings_.cluster, pool_, progress_);
+  cloud_.know(judgements.back());
+  std::map<TierId, std::vector<Judgement>> of_edges;
+  std::size_t number = 0;
+  for (const auto& [edge, task] : tasks) of_edges[edge] = judgements[number++];
+  return of_edges;
 }
 
 // What an edge merged and the cloud takes apart is merged anew, from the whole maps.

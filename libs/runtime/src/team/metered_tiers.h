@@ -53,6 +53,14 @@ class MeteredEdge {
     work_.judged_bytes += bytes_of(effects.for_cloud);
     return effects;
   }
+  // The same where workers judged: their time is not this process's.
+  tiers::EdgeServer::Effects step(const tiers::JudgingTask& task, const std::vector<Judgement>& judgements) {
+    auto effects = metered(work_.judging_s, [&] { return edge_.step(judgements); });
+    work_.sent_bytes += bytes_of(task.updates);
+    work_.judged_bytes += bytes_of(effects.for_cloud);
+    return effects;
+  }
+  const tiers::EdgeServer& edge() const { return edge_; }
   TierId id() const { return edge_.id(); }
   const fusion::FusionResult& result() const { return edge_.result(); }
   const EdgeWork& work() const { return work_; }
@@ -84,6 +92,10 @@ class MeteredCloud {
     planning_s_ = fusing_s_;
     return tasks;
   }
+  tiers::JudgingWork first_work(const std::set<TierId>& edges, WorkerPool& pool) const {
+    return cloud_.first_work(edges, pool);
+  }
+  void know(const std::vector<Judgement>& judgements) { cloud_.know(judgements); }
   fusion::FusionResult seal(WorkerPool& pool, Progress& progress) {
     return metered(fusing_s_, [&] { return cloud_.seal(pool, progress); });
   }

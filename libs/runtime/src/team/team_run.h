@@ -41,7 +41,9 @@ class TeamRun {
  private:
   bool map();
   void fuse_on_edges();
+  void judge_for_edges(std::vector<tiers::EdgeServer>& servers);
   void judge_on_edges();
+  std::map<TierId, std::vector<Judgement>> judge_on_workers(const std::map<TierId, tiers::JudgingTask>& tasks);
   void merge_in_cloud();
   void finalize();
   void look_back();
@@ -50,6 +52,7 @@ class TeamRun {
   bool is_any_mapped() const {
     return std::any_of(outcomes_.begin(), outcomes_.end(), [](const auto& outcome) { return outcome.map.has_value(); });
   }
+  std::vector<RobotId> robots_of(const TierId& edge) const;
   void take(std::vector<std::optional<RobotResult>> robots);
   void take(RoundsReport rounds);
   void take_requests();

@@ -1,6 +1,7 @@
 #pragma once
-// Robots of a run mapped by workers, programs on this and other machines. A robot is one task: a worker reads its log,
-// maps it, and sends the maps and what there is to say of them; the run goes on with these as if it had mapped itself.
+// A run spread over workers, programs on this and other machines. A robot is one task: a worker reads its log, maps it,
+// and sends the maps and what there is to say of them; the run goes on with these as if it had mapped itself. So are
+// pairs of maps that are judged before edges and the cloud merge, and a dense map (output.ply, output.octomap).
 
 #include <mapweave/core/progress.h>
 #include <mapweave/runtime/live_robot.h>
@@ -32,7 +33,7 @@ void expect_cluster(const RunConfiguration& configuration, const RunPlan& plan);
 std::vector<std::optional<RobotResult>> map_on_cluster(const RunConfiguration& configuration, const RunPlan& plan,
                                                        const Cluster& cluster, Progress& progress);
 
-// Maps one robot after another for whoever asks. Not thread-safe; a thread of its own maps.
+// Does one task after another for whoever asks. Not thread-safe; a thread of its own works.
 class Worker {
  public:
   // accept: a new channel to whoever asks next. logs: where robots' logs are looked for by name, before the path that
@@ -43,8 +44,9 @@ class Worker {
   void step();  // every few milliseconds
   bool is_busy() const;
   struct Counts {
-    std::uint64_t mapped = 0, failed = 0, given_up = 0;  // given up: the run that asked is gone
-    std::string robot;                                   // that it maps now
+    std::uint64_t mapped = 0, judged = 0, drawn = 0;  // tasks, by their kinds
+    std::uint64_t failed = 0, given_up = 0;           // given up: the run that asked is gone
+    std::string task;                                 // of now, for people; empty: none
   };
   Counts counts() const;
 

@@ -37,6 +37,11 @@ class CloudMerger {
   // What edges can judge for seal(): of the pairs that it begins with those of maps that came from two of them, shared
   // out so that the products of their nodes are even. Others (of robots that map on board) are left to seal().
   std::map<TierId, JudgingTask> judging_tasks(const std::set<TierId>& edges, WorkerPool&) const;
+  // Of the other pairs that seal() begins with those of which a map came from none of these edges, and the answers.
+  JudgingWork first_work(const std::set<TierId>& edges, WorkerPool&) const;
+  void know(const std::vector<Judgement>& judgements) {
+    for (const Judgement& judgement : judgements) memo_.emplace(judgement.id, judgement);
+  }
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the
   // judgements among them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);

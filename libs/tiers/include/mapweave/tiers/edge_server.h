@@ -65,6 +65,16 @@ class EdgeServer {
   // After it has fused: what the cloud asks for. Throws what decoding an update throws, and Error(kBadInput) for a pair
   // of which it holds no map.
   Effects step(const JudgingTask&, WorkerPool&, Progress&);
+  // The same where somebody else judges: the work, and the answers.
+  JudgingWork work_of(const JudgingTask&) const;
+  Effects step(const std::vector<Judgement>&);
+
+  // Before the last robot ends: what it will begin with when its robots have left these maps, and the answers. They
+  // save time, and change nothing else.
+  JudgingWork first_work(const std::vector<const Map*>& maps, WorkerPool&) const;
+  void know(const std::vector<Judgement>& judgements) {
+    for (const Judgement& judgement : judgements) memo_.emplace(judgement.id, judgement);
+  }
 
   // Its maps of these as a whole, for who has them thinned.
   Effects whole_maps(const std::vector<MapId>& maps);
@@ -79,6 +89,7 @@ class EdgeServer {
  private:
   void send_thinned(Effects& effects);
   const Map* as_sent(const MapId& id) const;
+  fusion::FusionInput input() const;  // without maps
 
   TierId edge_;
   fusion::FusionOptions options_;
@@ -91,6 +102,7 @@ class EdgeServer {
   Table<MapId, Map> maps_;
   Table<MapId, Map> thinned_;  // as the cloud has them
   ThinningCounts thinning_;
+  fusion::Memo memo_;
   std::shared_ptr<matching::ModelCache> models_;
   fusion::FusionResult result_;
 };
