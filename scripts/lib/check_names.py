@@ -52,6 +52,10 @@ EXCEPTIONS = {
     "heard_bytes": "as lent_bytes",
 }
 NOT_OURS = re.compile(r"sqlite3_")
+# Words that are retired together, in texts alone: the pattern, and what to say.
+RETIRED_TOGETHER = {
+    r"(?<!camera )\bmap servers?\b(?! \(server\.share\))": "camera map server (ROS's is map_server)",
+}
 # What holds the old names by its purpose.
 OLD_NAMES = {"scripts/lib/check_names.py", "libs/core/src/renamed_options.cpp"}
 
@@ -84,7 +88,16 @@ def texts_of(file):
         return enumerate(re.sub(r"`[^`\n]*`", "", text).splitlines(), 1)
     if file.suffix not in (".h", ".cpp"):
         return enumerate(text.splitlines(), 1)
-    return [(text.count("\n", 0, found.start()) + 1, found.group()) for found in NO_CODE.finditer(text) if not found.group().startswith("/")]
+    texts, end = [], None
+    for found in NO_CODE.finditer(text):
+        if found.group().startswith("/"):
+            continue
+        if end is not None and not text[end:found.start()].strip():  # goes on from the line before
+            texts[-1] = (texts[-1][0], texts[-1][1][:-1] + found.group()[1:])
+        else:
+            texts.append((text.count("\n", 0, found.start()) + 1, found.group()))
+        end = found.end()
+    return texts
 
 
 def check_public_types():
@@ -121,6 +134,9 @@ def check_texts():
         for number, text in texts_of(file):
             if text.strip('"') not in EXCEPTIONS and (word := retired_in(text, PLAIN_IN_TEXTS)):
                 problems.append(f"{file}:{number}: '{word}' in a text; say: {instead[word]}")
+            for words, better in RETIRED_TOGETHER.items():
+                if found := re.search(words, text, re.IGNORECASE):
+                    problems.append(f"{file}:{number}: '{found.group()}' in a text; say: {better}")
 
 
 def main():

@@ -258,7 +258,7 @@ TEST_F(LiveSharing, refuses_who_has_other_words_and_says_so) {
   EXPECT_TRUE(report.robots.front().mapped && report.robots.back().mapped);
   EXPECT_EQ(report.robots.front().cameras.front().sent_bytes, 0U);
   EXPECT_GT(report.robots.back().cameras.front().sent_bytes, 1000U);
-  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("its edge's map server refused")));
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("its edge's camera map server refused")));
 }
 
 }  // namespace

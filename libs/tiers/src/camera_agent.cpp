@@ -158,7 +158,7 @@ bool CameraAgent::is_repeated(const Share& share) {
 
 void CameraAgent::receive_share(visual::VisualClient& client, std::string_view bytes) {
   received_bytes_ += bytes.size();
-  const Share share = decode_share(bytes, "the map server");
+  const Share share = decode_share(bytes, "the camera map server");
   const auto session = visual::session_of(place_.client, share.map);
   if (!session || is_repeated(share)) return;
   if (!share.corrected.empty()) client.correct(place_, *session, share.corrected, share.scale);
@@ -169,7 +169,7 @@ void CameraAgent::receive_share(visual::VisualClient& client, std::string_view b
 
 visual::PlaceVerdict CameraAgent::receive_place(visual::VisualClient& client, std::string_view bytes) {
   received_bytes_ += bytes.size();
-  return client.place(place_, decode_place_answer(bytes, "the map server"));
+  return client.place(place_, decode_place_answer(bytes, "the camera map server"));
 }
 
 }  // namespace mapweave::tiers

@@ -139,10 +139,11 @@ void add_cameras(Json& tier, const ServerCounts& server) {
   counts["camera_refused"] = all.refused;
   counts["camera_merges"] = server.merges;
   if (!server.trouble.empty())
-    find(tier, "error", "its map server: " + server.trouble, "it tries again; cameras map on without it meanwhile");
+    find(tier, "error", "its camera map server: " + server.trouble,
+         "it tries again; cameras map on without it meanwhile");
   for (const std::string& note : server.notes) find(tier, "warning", note, "the final map is made without it");
   if (all.refused > 0)
-    find(tier, "warning", "its map server refused " + std::to_string(all.refused) + " messages of cameras",
+    find(tier, "warning", "its camera map server refused " + std::to_string(all.refused) + " messages of cameras",
          "the robots' messages say why: another vocabulary (visual.vocabulary), another robot's camera, or too many");
 }
 
@@ -155,12 +156,12 @@ void add_sharing(Json& tier, const LiveRobotCounts::Sharing& sharing, const std:
   counts["shared_keyframes"] = sharing.shared_keyframes;
   counts["borrowed_landmarks"] = sharing.borrowed;
   if (!sharing.refusal.empty())
-    find(tier, "warning", "the map server of edge " + edge + " refuses: " + sharing.refusal,
+    find(tier, "warning", "the camera map server of edge " + edge + " refuses: " + sharing.refusal,
          "the message says what is wrong; the camera maps alone");
   else if (is_driving && sharing.on_wire < sharing.cameras)
     find(tier, "warning",
          std::to_string(sharing.cameras - sharing.on_wire) + " of its " + std::to_string(sharing.cameras) +
-             " cameras have no answer of edge " + edge + "'s map server",
+             " cameras have no answer of edge " + edge + "'s camera map server",
          "they map alone, and share again once it answers");
 }
 

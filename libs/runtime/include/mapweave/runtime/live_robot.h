@@ -58,9 +58,9 @@ struct LiveRobotCounts {
 class LiveRobot {
  public:
   // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
-  // for a robot without a sensor. to_map_server: where cameras share (server.share); null: they do not.
+  // for a robot without a sensor. to_camera_map_server: where cameras share (server.share); null: they do not.
   LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-            ConnectToEdge to_edge, ConnectCamera to_map_server = nullptr);
+            ConnectToEdge to_edge, ConnectCamera to_camera_map_server = nullptr);
   ~LiveRobot();
 
   // The recording ends where it is.

@@ -281,10 +281,11 @@ struct RunConfiguration {
   void describe(Visitor& v) {
     v.integer("seed", seed, 0, 4294967295, "seed of all random numbers of a run; the same seed gives the same bytes");
     v.list("robots", robots, "the robots of the team and their logs");
-    v.texts("maps", maps,
-            "maps that the run begins with, of sessions before it (run, slam): map stores (.mwdb), journals of map "
-            "servers (.mwj), folders of results, or the folder of a robot that received the team's map; relative to "
-            "this file. The robots' maps join them, in the frame of the first one; empty: none");
+    v.texts(
+        "maps", maps,
+        "maps that the run begins with, of sessions before it (run, slam): map stores (.mwdb), journals of camera "
+        "map servers (.mwj), folders of results, or the folder of a robot that received the team's map; relative to "
+        "this file. The robots' maps join them, in the frame of the first one; empty: none");
     v.list("edges", edges,
            "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that "
            "robots name, or a "

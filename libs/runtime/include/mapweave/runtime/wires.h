@@ -28,7 +28,7 @@ class Wires {
   virtual Connect from_edge(const TierId& edge) const = 0;
   // Ends that accept.
   virtual Connect at_edge(const RobotId& robot, const TierId& edge) const = 0;
-  virtual Connect at_map_server(const RobotId& robot, int number, const TierId& edge) const = 0;
+  virtual Connect at_camera_map_server(const RobotId& robot, int number, const TierId& edge) const = 0;
   virtual Connect at_cloud(const TierId& edge) const = 0;
 
   // Where every program of the deployment says how it is (program_status), under the name that its user has or would
