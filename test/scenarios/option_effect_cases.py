@@ -320,7 +320,7 @@ visual.session.patience_s 0.3
 pose.silence_s 10
 visual.vocabulary {words}
 visual.loops.enabled false
-visual.loops.witnesses 1
+visual.loops.agreeing_keyframes 1
 visual.loops.least_probability 0.9999
 visual.loops.drift 0.5; visual.loops.drift_m=0.0001
 visual.loops.drift_m 0.0001

@@ -148,7 +148,7 @@ struct MemoryOptions {
 
 struct VisualLoopOptions {
   bool enabled = true;
-  int witnesses = 3;
+  int agreeing_keyframes = 3;
   double least_probability = 0.7;
   double drift = 0.03;
   double drift_m = 0.3;
@@ -159,7 +159,7 @@ struct VisualLoopOptions {
     v.flag("enabled", enabled,
            "search for loop closures of a camera's map; off: drift stays, and sessions are not joined");
     v.integer(
-        "witnesses", witnesses, 1, 20,
+        "agreeing_keyframes", agreeing_keyframes, 1, 20,
         "number of keyframes that must agree on a loop closure for it to be believed; larger values close fewer loops");
     v.fraction("least_probability", least_probability,
                "least probability that two keyframes show one place to count for a loop closure; larger values close "
