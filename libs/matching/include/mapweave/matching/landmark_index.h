@@ -60,7 +60,7 @@ struct LandmarkIndexOptions {
              "side in metres of the cells in which landmarks are looked up; affects speed, not what is found; larger "
              "cells are fewer and take longer to look through");
     v.flag("spatial", spatial,
-           "divide space by height too, in steps of cell_m, for buildings with many floors; off: each cell reaches "
+           "divide space by height too, in steps of cell_m, for buildings with many floors; false: each cell reaches "
            "from the ground to "
            "the sky. Affects speed, not what is found");
   }
