@@ -106,7 +106,7 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session,
                                const std::vector<matching::DescribedLandmark>& landmarks) {
   int taken = 0;
   for (const matching::DescribedLandmark& landmark : landmarks) {
-    if (!matching::flaw(landmark).empty()) continue;
+    if (!matching::problem_with(landmark).empty()) continue;
     ++taken;
     Entry& entry = entries_[landmark.id];
     if (entry.session != session) {
