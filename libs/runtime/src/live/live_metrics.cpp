@@ -74,7 +74,7 @@ constexpr Metric kOfLink[] = {
     {"lost_scans", "Scans that the robot had no room for.", true},
     {"queue_bytes", "Bytes that wait to be mapped.", false},
     {"speed", "Of an edge's processor, as the coordinator counts it.", false},
-    {"bytes_per_second", "What the way to the other end carried when it was measured.", false},
+    {"bytes_per_second", "What the link to the other end carried when it was measured.", false},
     {"wire_refused", "Parts of the wire that came and belong to no message.", true},
     {"wire_missed", "Messages of the wire that never came.", true},
     {"wire_sent_again", "Parts of the wire that nobody confirmed in time.", true},

@@ -52,7 +52,7 @@ Json link(const char* role, const std::string& name, bool is_on_wire, bool is_ne
           {"counts", std::move(counts)}};
 }
 
-// Of a way to the other end, where it was measured.
+// Of the link to the other end, where it was measured.
 Json measured(const std::optional<double>& bytes_per_s) {
   return bytes_per_s ? Json{{"bytes_per_second", *bytes_per_s}} : Json::object();
 }

@@ -51,8 +51,8 @@ struct LiveEdgeCounts {
   std::string trouble;                      // why it stores nothing, or cannot go on; empty: it does
   std::uint64_t plan = 0;                   // that it follows
   double mapping_s = 0.0;                   // of wall time in which scans were mapped, of all robots
-  std::optional<double> bytes_per_s;        // what the way to the cloud carries, as it was measured last
-  transport::Channel::Health cloud_wire{};  // of the way to the cloud
+  std::optional<double> bytes_per_s;        // what the link to the cloud carried when last measured
+  transport::Channel::Health cloud_wire{};  // of the link to the cloud
   // Of the map server, since the edge began, where cameras share while they drive.
   std::optional<ServerCounts> cameras;
 };

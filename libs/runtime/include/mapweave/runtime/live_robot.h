@@ -40,8 +40,8 @@ struct LiveRobotCounts {
   std::optional<Error> trouble;       // why its log was not read, or not to its end; known once it is read
   TierId edge;                        // its own now; empty: the coordinator has not said which, or none has room
   std::uint64_t moves = 0;            // how often it was given to another one
-  std::optional<double> bytes_per_s;  // what the way to its edge carries, as it was measured last
-  transport::Channel::Health wire{};  // of the way to its edge
+  std::optional<double> bytes_per_s;  // what the link to its edge carried when last measured
+  transport::Channel::Health wire{};  // of the link to its edge
   bool is_released = true;            // nobody needs what it sensed any more, once its edge has it all
   // Of cameras that share while they drive, so far.
   struct Sharing {
