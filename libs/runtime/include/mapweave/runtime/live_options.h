@@ -21,7 +21,7 @@ struct LiveWireOptions {
   }
 };
 
-// Of an edge's map server for cameras that share while they drive.
+// Options of an edge's camera map server, with which cameras share while they drive.
 struct LiveServerOptions {
   int handlers = 2;
   int merge_threads = 1;
@@ -67,7 +67,7 @@ struct LiveOptions {
   LiveServerOptions camera_map_server;
   bool is_over_ros() const { return broker == "ros"; }
   std::string broker_url() const { return broker.empty() ? "nats://127.0.0.1:" + std::to_string(kBrokerPort) : broker; }
-  // What a program can take while it runs; the rest stays.
+  // Takes the options that may change while a program runs; the others stay.
   void take_while_running(const LiveOptions& news) {
     preview_period_s = news.preview_period_s;
     robot_buffer_kb = news.robot_buffer_kb;
