@@ -390,7 +390,7 @@ LiveEdgeCounts LiveEdge::counts() const {
   }
   for (const auto& [name, robot] : state.robots) {
     if (!robot.is_member && !robot.session) continue;
-    LiveEdgeCounts::Robot& one = counts.robots.emplace_back();
+    LiveEdgeCounts::RobotCounts& one = counts.robots.emplace_back();
     one.id = name;
     one.taken = robot.taken;
     one.stored = robot.stored;

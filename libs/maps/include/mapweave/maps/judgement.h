@@ -86,11 +86,11 @@ struct PairHypothesis {
   std::uint32_t elsewhere = 0;     // of cameras: pairs of places that imply another alignment
   bool is_of_teams = false;        // the numbers are of all maps of the two teams that the maps were in then
   bool is_taken_apart = false;     // a team had the maps so until its audit; how unusual is what fits was not weighed
-  struct Place {
+  struct ContradictedWall {
     double x_m = 0.0, y_m = 0.0;  // a's map frame
     double length_m = 0.0;
   };
-  std::vector<Place> contradictions;  // longest first
+  std::vector<ContradictedWall> contradictions;  // longest first
 };
 constexpr std::size_t kMostPairHypotheses = 4;  // most hypotheses that a verdict reports
 

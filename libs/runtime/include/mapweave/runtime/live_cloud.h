@@ -8,7 +8,7 @@
 namespace mapweave::runtime {
 
 struct LiveCloudCounts {
-  struct Edge {
+  struct EdgeCounts {
     TierId id;
     std::uint64_t taken = 0, stored = 0;         // messages that came in order; messages in the journal
     bool is_on_wire = false, has_fused = false;  // has_fused: its final maps are all here
@@ -18,7 +18,7 @@ struct LiveCloudCounts {
     bool is_needed = true;                       // false: the coordinator gave it no robots
     transport::Channel::Health wire{};
   };
-  std::vector<Edge> edges;                               // by id
+  std::vector<EdgeCounts> edges;                         // by id
   std::uint64_t refused = 0, unreadable = 0, again = 0;  // messages, as in LiveEdgeCounts
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // groups of two or more maps that the last preview merged

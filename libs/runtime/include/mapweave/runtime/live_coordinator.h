@@ -16,7 +16,7 @@
 namespace mapweave::runtime {
 
 struct LiveCoordinatorCounts {
-  struct Edge {
+  struct EdgeCounts {
     TierId id;
     bool is_there = true;            // false: its robots went to other edges
     std::optional<double> silent_s;  // time since its last message; none: it sent none
@@ -24,15 +24,15 @@ struct LiveCoordinatorCounts {
     double speed = 1.0, bytes_per_s = 0.0;
     std::string speed_is, bytes_are;  // "measured", "configured", "like others"
   };
-  struct Robot {
+  struct RobotCounts {
     RobotId id;
     TierId edge, at;  // edge by the plan; edge that the robot reports. Empty: none
     bool has_come = false, has_ended = false;
     std::optional<double> silent_s;
     std::uint64_t scans = 0, queue_bytes = 0;  // scans mapped; bytes that wait to be mapped
   };
-  std::vector<Edge> edges;    // by id
-  std::vector<Robot> robots;  // by id
+  std::vector<EdgeCounts> edges;    // by id
+  std::vector<RobotCounts> robots;  // by id
   LivePlan plan;
   double plan_age_s = 0.0;
   std::uint64_t decisions = 0, moves = 0, unreadable = 0;

@@ -26,7 +26,7 @@ struct LiveSite {
 };
 
 struct LiveEdgeCounts {
-  struct Robot {
+  struct RobotCounts {
     RobotId id;
     std::uint64_t taken = 0, stored = 0, mapped = 0;  // messages that came in order; are in the journal; are mapped
     std::uint64_t scans = 0, lost_scans = 0;          // scans mapped; scans that the robot had no room for
@@ -38,8 +38,8 @@ struct LiveEdgeCounts {
     std::uint64_t begun = 0, begun_soon = 0;  // wires that it began; the last ones that each began soon after another
     bool is_member = true;  // false: the coordinator gave it to another edge; its data here do not count
   };
-  std::vector<Robot> robots;  // by id
-  std::uint64_t refused = 0;  // hellos of other edges' robots, of names already connected, of other versions
+  std::vector<RobotCounts> robots;  // by id
+  std::uint64_t refused = 0;        // hellos of other edges' robots, of names already connected, of other versions
   std::uint64_t unreadable = 0, again = 0;  // messages that cannot be decoded; that came before
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // groups of two or more maps that the last preview merged

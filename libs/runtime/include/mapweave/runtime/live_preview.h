@@ -19,15 +19,15 @@ class RoundMerger;
 namespace mapweave::runtime {
 
 struct LivePreview {
-  struct Part {
+  struct JointMap {
     std::vector<MapId> members;  // maps that are merged in this part
     Map map;                     // holds nodes and constraints only
     // How robots' own maps (LiveEdge::map_so_far) lie in it, by where each robot stood first there: such that its
     // newest pose in both is where it is here.
     std::map<RobotId, Pose3> part_from_start;
   };
-  std::uint64_t number = 0;  // counts previews from 1
-  std::vector<Part> parts;   // largest part first
+  std::uint64_t number = 0;     // counts previews from 1
+  std::vector<JointMap> parts;  // largest part first
 };
 
 // A preview of the last fuse().

@@ -154,14 +154,14 @@ struct Work {
 
 // All times are seconds since the recordings ended.
 struct Timeline {
-  struct Robot {
+  struct RobotTimes {
     RobotId id;
     TierId edge;
     double packed_s = 0.0, arrived_s = 0.0,
            mapped_s = 0.0;  // onboard and cloud_only: mapped before it arrives; nothing is packed
     double load = 0.0;      // of its core while it records: computing time over driving time
   };
-  struct Edge {
+  struct EdgeTimes {
     TierId id;
     double ready_s = 0.0, fused_s = 0.0,
            arrived_s = 0.0;  // ready: the last of its robots' maps is there; arrived: what it found of them, too
@@ -172,8 +172,8 @@ struct Timeline {
     double arrived_s = 0.0;
   };
   Mode mode = Mode::offload;
-  std::vector<Robot> robots;
-  std::vector<Edge> edges;
+  std::vector<RobotTimes> robots;
+  std::vector<EdgeTimes> edges;
   double total_s = 0.0;  // t_c
   std::vector<Push> pushes;
   double recorded_s = 0.0;  // TimelineOptions::recorded_s

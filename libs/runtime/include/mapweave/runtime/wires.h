@@ -65,15 +65,15 @@ class CameraWires {
   void keep();  // to be called now and then
 
  private:
-  struct Robot {
-    explicit Robot(std::function<void(std::shared_ptr<transport::Channel>)> serve) : wires(std::move(serve)) {}
+  struct RobotWires {
+    explicit RobotWires(std::function<void(std::shared_ptr<transport::Channel>)> serve) : wires(std::move(serve)) {}
     ServedWires wires;
     std::size_t count = 0;
   };
   const Wires& wires_;
   const TierId edge_;
   LiveEdge& server_;
-  std::map<RobotId, Robot> robots_;
+  std::map<RobotId, RobotWires> robots_;
   std::chrono::steady_clock::time_point next_{};
 };
 
