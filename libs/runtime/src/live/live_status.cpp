@@ -120,7 +120,7 @@ void find_refused(Json& tier, std::uint64_t refused, std::uint64_t unreadable) {
          "give all programs the same version; its messages name the first one");
 }
 
-// Of a map server, and what is wrong with it.
+// Of a camera map server, and what is wrong with it.
 void add_cameras(Json& tier, const ServerCounts& server) {
   ClientCounts all;
   std::set<ClientId> cameras;

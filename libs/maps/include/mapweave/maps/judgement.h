@@ -25,9 +25,8 @@ struct Evidence {
   double overlap_m2 = 0.0;  // known cells that coincide
   double overlap = 0.0;     // |A and B| / min(|A|, |B|) in known cells, 0..1
   double inliers =
-      0.0;  // of the wall points of each that the other could see, share that finds a wall there, 0..1; the lower side
-  double conflict =
-      0.0;  // of the walls of each that the other saw, the share that the other saw through; the higher side
+      0.0;  // share of one map's visible wall points that find a wall in the other, 0..1; lower of both sides
+  double conflict = 0.0;  // share of one map's looked-at walls that the other saw through, 0..1; higher of both sides
   double longest_contradiction_m[2] = {0.0, 0.0};  // longest wall of a that b saw through, and of b that a saw through
   double second_best_ratio = 0.0;                  // score of the best distinct rival over the best, 0..1
   double verifier_inliers = 0.0;                   // share of inliers of the second verifier (ICP), 0..1
@@ -56,8 +55,8 @@ struct Judgement {
   Hash content_a, content_b;
   std::vector<Alignment> hypotheses;  // best first; may be empty
   std::vector<double> scores;         // score of each hypothesis, 0..1
-  Evidence evidence;                  // of the best hypothesis
-  double probability = 0.0;           // that the best hypothesis is right
+  Evidence evidence;                  // evidence of the best hypothesis
+  double probability = 0.0;           // probability of the best hypothesis
   Reason doubt = Reason::none;        // why the probability is low
 };
 
@@ -72,7 +71,7 @@ struct PairHypothesis {
   Sense sense = Sense::lasers;
   Sim3 a_from_b;
   std::uint32_t matches = 0;       // pairs of places of both maps that agree on it
-  double log_odds = 0.0;           // that it is right, including those of a prior
+  double log_odds = 0.0;           // log odds that it is right, with those of a prior
   double prior_log_odds = 0.0;     // part of log_odds that a prior adds
   double coinciding_m = 0.0;       // walls that both maps have at one place
   double distinctive_m = 0.0;      // walls that fit here and nowhere around
@@ -81,9 +80,9 @@ struct PairHypothesis {
   double unclear_m = 0.0;          // walls where the other robot looked and saw neither
   double counted_unclear_m = 0.0;  // part of unclear_m that counts against it; less where maps overlap little
   double by_chance_m = 0.0;        // walls that would fit by chance
-  double support_m = 0.0;          // of grids: walls that fit, weighed by how unusual that is, less walls in free space
+  double support_m = 0.0;          // grids: walls that fit, weighed by how unusual that is, less walls in free space
   double overlap = 0.0;            // share of the smaller map's walls that lie where the other one looked
-  std::uint32_t elsewhere = 0;     // of cameras: pairs of places that imply another alignment
+  std::uint32_t elsewhere = 0;     // cameras: pairs of places that imply another alignment
   bool is_of_teams = false;        // the numbers are of all maps of the two teams that the maps were in then
   bool is_taken_apart = false;     // a team had the maps so until its audit; how unusual is what fits was not weighed
   struct ContradictedWall {
@@ -106,8 +105,8 @@ struct PriorCheck {
 // The merge of two teams that brought two maps into one map.
 struct TeamMerge {
   std::vector<MapId> of, with;  // maps of both teams, sorted; the team with the lowest id first
-  double probability = 0.0;     // that the merge is right, when it was decided
-  std::string proposer;         // as Verdict::proposer
+  double probability = 0.0;     // probability of the merge when it was decided
+  std::string proposer;         // what proposed the merge, as Verdict::proposer
 };
 
 // Two maps that lie in one team map, whether they were matched to each other or not.
@@ -125,10 +124,9 @@ struct Verdict {
   std::string proposer;  // what proposed the alignment: "ring keys", "whole maps", "corners", "prior", "words", ...
   Decision decision = Decision::deferred;
   Reason reason = Reason::none;
-  std::optional<Alignment>
-      alignment;  // in the frames of the two maps; of the best cluster, also where it was not accepted
+  std::optional<Alignment> alignment;  // between the two maps' frames; of the best cluster, accepted or not
   double probability = 0.0;
-  double overlap = 0.0, conflict = 0.0, second_best = 0.0;  // of the two maps under the alignment
+  double overlap = 0.0, conflict = 0.0, second_best = 0.0;  // shares of walls of the two maps under the alignment
   std::vector<Hash> witnesses, contradicted;                // judgements that support the merge; that it overruled
   double seconds = 0.0;                                     // computing time; not part of a sealed result
   // What else is reported of the pair; stores do not keep it.

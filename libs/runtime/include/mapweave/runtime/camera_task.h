@@ -39,7 +39,7 @@ struct CameraMap {
   Map map;                                    // keyframes and landmarks
   std::vector<FrameTrajectory> trajectories;  // one for each camera; the first one gave the frame
   std::vector<StampedPose> trajectory;        // the robot's trajectory by all cameras
-  RigReport rig;                              // where several cameras are in one map
+  RigReport rig;                              // report where several cameras are in one map
 };
 
 // The robot's trajectory by all its cameras: `trajectories` are those of the map's cameras, or what became of them
@@ -72,7 +72,7 @@ class CameraTask {
   ~CameraTask();
   CameraTask(CameraTask&&) noexcept;
 
-  std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
+  std::optional<Stamp> next() const;  // stamp of the log's next record; nullopt at the log's end
   // All records before `until`; nullopt: to the end. Throws Interrupted alone: after a signal, or when `give_up`
   // becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
@@ -83,7 +83,7 @@ class CameraTask {
     CameraReport* report;
     std::vector<tiers::KeptMap>* kept;  // output: what the camera map server keeps for it
   };
-  std::vector<Client> clients();  // of the cameras that have had a frame, by label; valid until finish()
+  std::vector<Client> clients();  // clients of cameras that have had a frame, by label; valid until finish()
   CamerasOutcome finish();        // to be called once
 
  private:

@@ -34,7 +34,7 @@ class LaserTask {
   ~LaserTask();
   LaserTask(LaserTask&&) noexcept;
 
-  std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
+  std::optional<Stamp> next() const;  // stamp of the log's next record; nullopt at the log's end
   // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Interrupted alone:
   // after a signal, or when `give_up` becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);

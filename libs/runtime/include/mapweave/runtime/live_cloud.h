@@ -18,13 +18,13 @@ struct LiveCloudCounts {
     bool is_needed = true;                       // false: the coordinator gave it no robots
     transport::Channel::Health wire{};
   };
-  std::vector<EdgeCounts> edges;                         // by id
+  std::vector<EdgeCounts> edges;                         // sorted by id
   std::uint64_t refused = 0, unreadable = 0, again = 0;  // messages, as in LiveEdgeCounts
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // groups of two or more maps that the last preview merged
   std::vector<std::string> apart;         // why pairs of maps stayed apart in the last preview
   std::size_t maps = 0;                   // number of maps in the last preview
-  std::map<RobotId, Stamp> newest_scans;  // in the last preview, as LiveEdgeCounts
+  std::map<RobotId, Stamp> newest_scans;  // newest scan of each robot in the last preview
   bool is_sealing = false, is_done = false;
   std::string trouble;     // why the cloud cannot store or go on; empty: it can
   std::uint64_t plan = 0;  // number of the plan that it follows
@@ -45,14 +45,14 @@ class LiveCloud {
   void follow(const LivePlan& plan);
   // As LiveEdge's.
   bool follow(const LiveRequests& requests);
-  void use(const LiveOptions& options);  // as LiveEdge's
+  void use(const LiveOptions& options);  // as LiveEdge::use()
   // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
   void seal_now();
   // The report, once the folder is there and this was sent to the edges; nullopt: it is not yet. Throws what went
   // wrong for good (Error), and Interrupted where an interruption ended it.
   std::optional<Report> wait(std::chrono::milliseconds patience);
   LiveCloudCounts counts() const;
-  std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge
+  std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge::preview()
 
  private:
   struct State;

@@ -31,8 +31,8 @@ struct LiveCoordinatorCounts {
     std::optional<double> silent_s;
     std::uint64_t scans = 0, queue_bytes = 0;  // scans mapped; bytes that wait to be mapped
   };
-  std::vector<EdgeCounts> edges;    // by id
-  std::vector<RobotCounts> robots;  // by id
+  std::vector<EdgeCounts> edges;    // sorted by id
+  std::vector<RobotCounts> robots;  // sorted by id
   LivePlan plan;
   double plan_age_s = 0.0;
   std::uint64_t decisions = 0, moves = 0, unreadable = 0;
@@ -63,7 +63,7 @@ class LiveCoordinator {
   // The next step() decides, whenever the last one did.
   void decide_soon();
 
-  void use(const LiveOptions& options);  // as LiveEdge's
+  void use(const LiveOptions& options);  // as LiveEdge::use()
 
   LivePlan plan() const;  // number 0: no robot has come yet
   LiveCoordinatorCounts counts(double now_s) const;

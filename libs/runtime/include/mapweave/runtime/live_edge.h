@@ -38,12 +38,12 @@ struct LiveEdgeCounts {
     std::uint64_t begun = 0, begun_soon = 0;  // wires that it began; the last ones that each began soon after another
     bool is_member = true;  // false: the coordinator gave it to another edge; its data here do not count
   };
-  std::vector<RobotCounts> robots;  // by id
+  std::vector<RobotCounts> robots;  // sorted by id
   std::uint64_t refused = 0;        // hellos of other edges' robots, of names already connected, of other versions
   std::uint64_t unreadable = 0, again = 0;  // messages that cannot be decoded; that came before
   std::uint64_t previews = 0;
   std::vector<std::vector<MapId>> joint;  // groups of two or more maps that the last preview merged
-  std::map<RobotId, Stamp> newest_scans;  // by robot, in the last preview
+  std::map<RobotId, Stamp> newest_scans;  // newest scan of each robot in the last preview
   std::size_t waiting_bytes = 0;          // bytes that the cloud has not stored
   bool is_cloud_on_wire = false;
   std::optional<double> cloud_silent_s;     // time since the cloud's last message; none: it sent none
@@ -68,7 +68,7 @@ class LiveEdge {
   // server with a journal of its own. Throws Error as UpdateJournal and LiveMapServer do, and kBadInput where no robot
   // of the plan has this edge; with a coordinator, where it is no edge of the plan.
   LiveEdge(TierId edge, const LiveSite& site, Connect to_cloud);
-  ~LiveEdge();  // at once; what is in the journal stays
+  ~LiveEdge();  // ends at once; the journal's content stays
 
   // A robot's end of a channel in this process. Letting go of it closes it.
   std::shared_ptr<transport::Channel> connect();

@@ -26,14 +26,14 @@ struct ClientCounts {
   double retrieval_s = 0.0;                     // choosing what to send for its views
   double sending_s = 0.0;                       // encoding what is sent
   double place_s = 0.0;                         // finding places
-  double waited_s = 0.0, longest_wait_s = 0.0;  // of updates, from arrival to handling
-  double longest_place_s = 0.0;                 // of place requests, from arrival to answer
+  double waited_s = 0.0, longest_wait_s = 0.0;  // waiting time of updates, from arrival to handling
+  double longest_place_s = 0.0;                 // longest time from a place request to its answer
 };
 // Adds counts and seconds to the sum; keeps the longer of the longest times.
 void add(ClientCounts& sum, const ClientCounts& more);
 
 struct ServerCounts {
-  std::vector<ClientCounts> clients;  // by session
+  std::vector<ClientCounts> clients;  // sorted by session
   int merges = 0;
   double merging_s = 0.0, longest_merge_s = 0.0;  // processor time of merges; wall time of the longest one
   double saving_s = 0.0;                          // processor time of writing the journal
@@ -51,11 +51,11 @@ class LiveMapServer {
   // kCorrupt where the journal holds what no server has stored. rig: of clients that are cameras of one robot.
   LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
                 const std::optional<std::filesystem::path>& journal, rig::RigOptions rig = {});
-  ~LiveMapServer();  // as finish()
+  ~LiveMapServer();  // ends as finish() does
 
   // A client's end of a channel in this process, for one run from its hello on; subjects: tiers/subjects.h. Where the
   // same run says hello on another channel, this one is closed: a wire that broke. May outlive the server. Letting go
-  // of it closes it. Throws as serve.
+  // of it closes it. Throws as serve().
   std::shared_ptr<transport::Channel> connect(const std::optional<RobotId>& robot = std::nullopt);
   // The server's end of any channel to a client. Updates are acknowledged once they are in the journal, all else once
   // it is handled. robot: nobody comes on it but this robot's cameras. Throws Error(kBadInput) where there are too

@@ -30,7 +30,7 @@ struct LiveRobotCounts {
                                                          // board, records and scans count what was mapped
   std::uint64_t messages = 0, confirmed = 0;             // messages sent; messages that the edge has stored
   std::size_t waiting_bytes = 0;                         // bytes of messages that the edge has not stored
-  std::uint64_t sent_bytes = 0;                          // with repetitions
+  std::uint64_t sent_bytes = 0;                          // bytes sent, with repetitions
   double recorded_s = 0.0;                               // length of the data read so far
   bool is_on_board = false;                              // the robot maps itself
   bool is_read = false;                                  // the recording has ended
@@ -46,7 +46,7 @@ struct LiveRobotCounts {
   // Counts of cameras that share while they drive, so far.
   struct Sharing {
     std::size_t cameras = 0, on_wire = 0;              // cameras that began; that the camera map server answers
-    std::uint64_t sent_bytes = 0, received_bytes = 0;  // with repetitions
+    std::uint64_t sent_bytes = 0, received_bytes = 0;  // bytes of all cameras, with repetitions
     std::uint64_t shared_keyframes = 0, borrowed = 0;  // most keyframes of others kept; most landmarks seen at once
     std::string refusal;                               // the camera map server's last refusal
   };
@@ -71,7 +71,7 @@ class LiveRobot {
   // the new one, from the beginning of its recording, what that does not have. An older plan than before is passed
   // over.
   void follow(const LivePlan& plan);
-  void use(const LiveOptions& options);  // as LiveEdge's
+  void use(const LiveOptions& options);  // as LiveEdge::use()
   // All is said, and stored at the edge; with a coordinator, the team's map is written, too: until then the robot may
   // be given to another edge.
   bool is_done() const;

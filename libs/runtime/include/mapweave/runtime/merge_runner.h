@@ -12,7 +12,7 @@ struct MergeSettings {
   MergeRequests requests = {};
   bool forget_requests = false;  // forget requests of the merges and runs that made the given teams
   Origins origins =
-      {};  // of the configuration: options that it was given count, others are as the teams were made with
+      {};  // where the configuration's options come from: options given count, others are those of the given teams
 };
 
 // `paths`: stores (.mwdb), journals of camera map servers (.mwj), map_server grids (.yaml), folders of one map and

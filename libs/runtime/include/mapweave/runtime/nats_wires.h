@@ -17,7 +17,7 @@ namespace mapweave::runtime {
 
 // The domain of an edge's own broker; empty: it has none of its own.
 std::string domain_of(const EdgeEntry& edge);
-constexpr char kHubDomain[] = "cloud";  // of live.broker, where edges have brokers of their own
+constexpr char kHubDomain[] = "cloud";  // domain of live.broker where edges have their own brokers
 
 class NatsWires : public Wires {
  public:

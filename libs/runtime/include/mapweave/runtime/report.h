@@ -28,14 +28,14 @@ struct CameraReport {
   };
   std::vector<Loop> loops;
   double longest_loss_s = 0.0;
-  std::uint64_t sent_bytes = 0, received_bytes = 0;  // to and from the edge's camera map server
+  std::uint64_t sent_bytes = 0, received_bytes = 0;  // bytes to and from the edge's camera map server
   struct Traffic {
     std::uint64_t second = 0;  // data time since the first frame of all cameras of the run
     std::uint64_t sent_bytes = 0, received_bytes = 0;
   };
-  std::vector<Traffic> traffic;  // these bytes by second; seconds without traffic left out
+  std::vector<Traffic> traffic;  // sent and received bytes by second, without empty seconds
   std::uint64_t passed_on_bytes =
-      0;                       // of what it sent, by its edge to the cloud, and on to all other edges with cameras
+      0;                       // bytes of its updates that its edge sent on to the cloud, and the cloud to other edges
   std::uint64_t borrowed = 0;  // most landmarks of other clients that one keyframe saw
   std::uint64_t forgotten = 0, kept = 0;  // keyframes without room; of those, kept by the server
   // Keyframes of others that it kept at most, and that it dropped for want of room; what it did by them itself.
@@ -43,7 +43,7 @@ struct CameraReport {
   // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding
   // and rectifying.
   double tracking_mean_ms = 0.0, tracking_p99_ms = 0.0, keyframe_mean_ms = 0.0, packing_mean_ms = 0.0;
-  double readout_s = 0.0, inverse_depth_offset = 0.0;  // of the sensor, as estimated
+  double readout_s = 0.0, inverse_depth_offset = 0.0;  // sensor parameters as estimated
 };
 
 // Several cameras in one map.
@@ -64,10 +64,10 @@ struct RobotReport {
   RigReport rig;                      // about its main map
   std::optional<PoseReport> pose;     // the robot's pose while it drove: robot.tum
   double log_seconds = 0.0;           // length of the log in data time
-  double wall_seconds = 0.0;          // from opening the log to the finished map
-  double cpu_seconds = 0.0;           // with that of the helper process
+  double wall_seconds = 0.0;          // time from opening the log to the finished map
+  double cpu_seconds = 0.0;           // processor time, with that of the helper process
   bool mapped = false;
-  bool is_cut_short = false;     // by an interruption: the map shows what came before
+  bool is_cut_short = false;     // cut short by an interruption: the map shows what came before
   std::optional<Error> trouble;  // why the stream ended early
   double real_time_factor() const { return wall_seconds > 0.0 ? log_seconds / wall_seconds : 0.0; }
 };
@@ -76,8 +76,8 @@ struct RobotReport {
 struct FusionReport {
   TierId tier;
   std::vector<std::vector<MapId>> components;       // members, largest component first
-  std::vector<TeamFrame> frames;                    // of each component; empty for slam
-  std::vector<Table<MapId, Pose3>> team_from_maps;  // of each component: poses of its members' map frames
+  std::vector<TeamFrame> frames;                    // frame of each component; empty for slam
+  std::vector<Table<MapId, Pose3>> team_from_maps;  // by component: poses of its members' map frames
   std::vector<Verdict> verdicts;
   std::vector<fusion::PairAudit> audits;
 };
@@ -107,8 +107,8 @@ struct RoundsReport {
 };
 
 struct Report {
-  std::vector<RobotReport> robots;  // by id
-  std::vector<FusionReport> edges;  // by id
+  std::vector<RobotReport> robots;  // sorted by id
+  std::vector<FusionReport> edges;  // sorted by id
   FusionReport team;
   std::vector<StageReport> stages;
   Work work;                         // only of run

@@ -53,7 +53,7 @@ struct RoundWork {
     TierId tier;
     double fusing_s = 0.0;                       // seconds of one core of this machine
     std::uint64_t bytes = 0;                     // what an edge sent to the cloud
-    double speed = 1.0;                          // of an edge's processor (EdgeWork::speed)
+    double speed = 1.0;                          // speed of the edge's processor (EdgeWork::speed)
     std::size_t maps = 0;                        // robots' maps that the tier has
     std::vector<std::vector<MapId>> joint = {};  // maps that are one now: two or more each
     std::vector<Pair> pairs = {};                // pairs that the tier merged or refused
@@ -71,7 +71,7 @@ struct RoundsTimeline {
   struct Joint {
     TierId tier;
     std::vector<MapId> maps;
-    double at_s = 0.0, ready_s = 0.0;  // of the data it shows; when it was ready
+    double at_s = 0.0, ready_s = 0.0;  // time of its data; time when it was ready
   };
   std::optional<Joint> first_joint;
   struct Tier {

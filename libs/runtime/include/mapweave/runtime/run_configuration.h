@@ -337,14 +337,14 @@ struct LogPart {
   std::optional<Stamp> until = {};    // none: to the end of the log
 };
 struct PlannedRobot {
-  RobotId id;  // of a part: "alpha.2", the second of robot alpha
+  RobotId id;  // id of a part: "alpha.2" is the second part of robot alpha
   TierId edge;
   std::filesystem::path log;
   ChosenSensors sensors = {};         // set by choose_sensors()
   std::optional<Error> trouble = {};  // why none could be chosen
   std::optional<LogPart> part = {};
-  std::shared_ptr<const RunConfiguration> configuration = {};       // with the robot's own options; null: it has none
-  const RobotId& robot() const { return part ? part->robot : id; }  // as the configuration calls it
+  std::shared_ptr<const RunConfiguration> configuration = {};  // configuration with the robot's own options; null: none
+  const RobotId& robot() const { return part ? part->robot : id; }  // the robot's id in the configuration
 };
 // The configuration by which a robot maps.
 inline const RunConfiguration& configuration_of(const RunConfiguration& all, const PlannedRobot& robot) {

@@ -28,7 +28,7 @@ struct SensorKind {
 };
 
 bool is_planar_scan(const mrpt::obs::CObservation&);
-bool is_depth_picture(const mrpt::obs::CObservation&);  // with or without colours
+bool is_depth_picture(const mrpt::obs::CObservation&);  // a depth picture, with or without colours
 bool is_picture(const mrpt::obs::CObservation&);        // a picture of any camera
 bool is_stereo(const mrpt::obs::CObservation&);
 bool is_rgbd(const mrpt::obs::CObservation&);

@@ -38,7 +38,7 @@ struct TeamFrame {
   std::string of;  // the given map whose frame it is, or from whose frame it was moved
   FrameRequest::Kind kind = FrameRequest::Kind::first;
   bool has_no_walls = false;                     // walls were asked for, but no direction stood out
-  Pose2 team_from_given = Pose2(0.0, 0.0, 0.0);  // where that map's frame lies in the team's
+  Pose2 team_from_given = Pose2(0.0, 0.0, 0.0);  // pose of that map's frame in the team's
   double moved_m = 0.0, most_moved_m = 0.0;      // change of that map's places: root mean square, largest
   MapId by;                                      // the robot's own map whose first place is kept
   MapIdentity continued = {};                    // the given map's identity where the team's map is its next version

@@ -114,8 +114,8 @@ struct RobotWork {
   RobotId id;
   TierId edge;
   double log_s = 0.0;                       // length of the log in data time
-  double packing_s = 0.0, mapping_s = 0.0;  // of its laser; mapping includes unpacking
-  double seeing_s = 0.0;                    // of its cameras' clients, which run on the robot in every mode
+  double packing_s = 0.0, mapping_s = 0.0;  // time for its laser's scans; mapping includes unpacking
+  double seeing_s = 0.0;                    // time of its cameras' clients, on the robot in every mode
   std::uint64_t sensed_bytes = 0, map_bytes = 0;
   // Of what its edge had mapped, sent to another one and mapped again there, from the beginning.
   double repeated_s = 0.0;
@@ -129,7 +129,8 @@ struct EdgeWork {
   // Maps of other edges, sent to be compared with its own; the judgements that it returned.
   std::uint64_t sent_bytes = 0, judged_bytes = 0;
   double judging_s = 0.0;
-  tiers::ThinningCounts thinning = {};  // of the maps sent; without scans where they were sent as a whole, each at once
+  tiers::ThinningCounts thinning =
+      {};  // scans of the maps sent before and after thinning; 0 where whole maps were sent
 };
 struct PushWork {
   RobotId robot;
@@ -137,14 +138,14 @@ struct PushWork {
   std::string next_run = {};  // the configuration that names it as the start of the robot's next run
 };
 // Overlap degree of two robots' maps, once they lie on each other; where there was a coordinator, as it thought
-// at its last decision, for with such guesses it predicts.
+// at its last decision, since it predicts with these estimates.
 struct OverlapOfRobots {
   RobotId a, b;
   double degree;
 };
 struct Work {
-  std::vector<RobotWork> robots;  // by id
-  std::vector<EdgeWork> edges;    // by id; none in mode cloud_only
+  std::vector<RobotWork> robots;  // sorted by id
+  std::vector<EdgeWork> edges;    // sorted by id; none in mode cloud_only
   double fusing_s = 0.0;          // all fusing in the cloud
   double planning_s = 0.0;        // part of fusing_s before it knew what edges must compare
   std::vector<PushWork> pushes;
@@ -159,7 +160,7 @@ struct Timeline {
     TierId edge;
     double packed_s = 0.0, arrived_s = 0.0,
            mapped_s = 0.0;  // onboard and cloud_only: mapped before it arrives; nothing is packed
-    double load = 0.0;      // of its core while it records: computing time over driving time
+    double load = 0.0;      // load of its core while it records: computing time over driving time
   };
   struct EdgeTimes {
     TierId id;

@@ -24,7 +24,7 @@ class Wires {
 
   // Ends that open a channel: for LiveRobot and LiveEdge.
   virtual Connect from_robot(const RobotId& robot, const TierId& edge) const = 0;
-  virtual Connect from_camera(const RobotId& robot, int number, const TierId& edge) const = 0;  // as ConnectCamera says
+  virtual Connect from_camera(const RobotId& robot, int number, const TierId& edge) const = 0;  // as ConnectCamera
   virtual Connect from_edge(const TierId& edge) const = 0;
   // Ends that accept channels.
   virtual Connect at_edge(const RobotId& robot, const TierId& edge) const = 0;
