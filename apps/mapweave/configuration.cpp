@@ -50,9 +50,10 @@ std::vector<std::pair<std::string, std::string>> environment_for(const OptionFie
 }
 
 void add_start_flag(CLI::App& verb, std::vector<std::filesystem::path>& maps) {
-  verb.add_option("--map", maps,
-                  "begin with this map of a session before: a map.mwdb, a map server's journal (.mwj) or a folder of "
-                  "results; the new map joins it and has the frame of the first one; repeatable")
+  verb.add_option(
+          "--map", maps,
+          "begin with this map of a session before: a map.mwdb, a camera map server's journal (.mwj) or a folder of "
+          "results; the new map joins it and has the frame of the first one; repeatable")
       ->type_name("MAP.mwdb|MAP.mwj|DIR")
       ->allow_extra_args(false);
 }

@@ -224,7 +224,7 @@ ExitCode export_map(const Arguments& arguments) {
 Action set_up_export(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("MAP", arguments->map,
-                  "a map of mapweave (.mwdb), a folder that holds one, a live map server's journal (.mwj), or a "
+                  "a map of mapweave (.mwdb), a folder that holds one, a live camera map server's journal (.mwj), or a "
                   "map_server grid (.yaml); without one of the flags below what output.* switches on is written, as "
                   "far as the map can give it")
       ->required();

@@ -178,7 +178,10 @@ Json of_journal(const std::filesystem::path& path) {
   for (const std::filesystem::path& file : input.files) file_bytes += std::filesystem::file_size(file);
   Json maps = Json::array();
   for (const Map& map : input.maps) maps.push_back(of_map(mapdb::summary_of(map)));
-  return {{"kind", "journal of a live map server"}, {"file_bytes", file_bytes}, {"updates", updates}, {"maps", maps}};
+  return {{"kind", "journal of a live camera map server"},
+          {"file_bytes", file_bytes},
+          {"updates", updates},
+          {"maps", maps}};
 }
 
 Json of_grid(const std::filesystem::path& path) {
@@ -340,10 +343,10 @@ Action set_up_inspect(CLI::App& verb) {
     bool json = false, all = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option(
-          "PATH", arguments->path,
-          "a log, a ROS bag or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a folder of "
-          "results, or any file in it: grids, configurations, trajectories, clouds, graphs, pictures, JSON")
+  verb.add_option("PATH", arguments->path,
+                  "a log, a ROS bag or a folder of pictures, a map (.mwdb), a live camera map server's journal (.mwj), "
+                  "a folder of "
+                  "results, or any file in it: grids, configurations, trajectories, clouds, graphs, pictures, JSON")
       ->required();
   verb.add_option("--set", arguments->set, "how a log is read, as in reading.topics=[/scan, /odom]")
       ->type_name("KEY=VALUE")

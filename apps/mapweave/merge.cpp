@@ -20,7 +20,7 @@ Action set_up_merge(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option(
           "MAPS", arguments->maps,
-          "the first one gives the frame; map.mwdb files of mapweave, journals of live map servers (.mwj) and "
+          "the first one gives the frame; map.mwdb files of mapweave, journals of live camera map servers (.mwj) and "
           "map_server grids (.yaml), mixed; each "
           "is named by its "
           "file's stem. A team's map.mwdb, or a folder of results, stands for the robots' own maps that it was made of")

@@ -70,7 +70,7 @@ ServiceTurn service_turn_of(const runtime::LiveEdgeCounts& counts) {
   ServiceTurn turn;
   std::size_t connected = 0;
   std::uint64_t scans = 0;
-  for (const runtime::LiveEdgeCounts::Robot& robot : counts.robots) {
+  for (const runtime::LiveEdgeCounts::RobotCounts& robot : counts.robots) {
     connected += robot.is_on_wire ? 1 : 0;
     scans += robot.scans;
     turn.done += robot.mapped;

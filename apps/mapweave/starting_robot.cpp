@@ -20,12 +20,12 @@ runtime::PlannedRobot with_sensors(runtime::PlannedRobot robot, const runtime::R
 }  // namespace
 
 StartingRobot::StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
-                             runtime::ConnectToEdge to_edge, runtime::ConnectCamera to_map_server,
+                             runtime::ConnectToEdge to_edge, runtime::ConnectCamera to_camera_map_server,
                              std::function<bool()> has_log)
     : robot_(std::move(robot)),
       configuration_(configuration),
       to_edge_(std::move(to_edge)),
-      to_map_server_(std::move(to_map_server)),
+      to_camera_map_server_(std::move(to_camera_map_server)),
       has_log_(std::move(has_log)),
       options_(configuration.live) {}
 
@@ -54,7 +54,7 @@ bool StartingRobot::look() {
   if (robot_.trouble && robot_.trouble->code() == ErrorCode::kMissing) throw Error(*robot_.trouble);
   runtime::LiveOptions live = options_;
   if (configuration_.reading.follow) live.speed = 0.0;  // it comes at the speed at which it is sensed
-  started_.emplace(robot_, configuration_, live, std::move(to_edge_), std::move(to_map_server_));
+  started_.emplace(robot_, configuration_, live, std::move(to_edge_), std::move(to_camera_map_server_));
   if (plan_) started_->follow(*plan_);
   if (ends_ && !configuration_.reading.follow) started_->end();
   return true;

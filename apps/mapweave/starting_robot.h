@@ -15,9 +15,9 @@ namespace mapweave::app {
 class StartingRobot {
  public:
   // Looks into the log on a thread of its own, once there is one (has_log; null: it is there). The configuration must
-  // outlive it. to_map_server: as LiveRobot's.
+  // outlive it. to_camera_map_server: as LiveRobot's.
   StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
-                runtime::ConnectToEdge to_edge, runtime::ConnectCamera to_map_server,
+                runtime::ConnectToEdge to_edge, runtime::ConnectCamera to_camera_map_server,
                 std::function<bool()> has_log = nullptr);
 
   const RobotId& id() const { return robot_.id; }
@@ -38,7 +38,7 @@ class StartingRobot {
   runtime::PlannedRobot robot_;  // its id and edge stay
   const runtime::RunConfiguration& configuration_;
   runtime::ConnectToEdge to_edge_;
-  runtime::ConnectCamera to_map_server_;
+  runtime::ConnectCamera to_camera_map_server_;
   std::function<bool()> has_log_;
   mutable std::mutex mutex_;
   std::future<runtime::PlannedRobot> looks_;

@@ -118,7 +118,7 @@ runtime::Connect connect(const std::string& wire, transport::DirectChannelOption
 RosWires::RosWires(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan)
     : edges_(ids_of_edges(plan)),
       robots_(ids_of_robots(plan)),
-      camera_queue_bytes_(static_cast<std::size_t>(configuration.live.map_server.queue_kb) << 10) {
+      camera_queue_bytes_(static_cast<std::size_t>(configuration.live.camera_map_server.queue_kb) << 10) {
   for (const runtime::EdgeEntry& edge : configuration.edges)
     if (!edge.broker.empty())
       throw Error(ErrorCode::kBadInput, "edge " + edge.id + " has a broker of its own, but the others talk over ROS",
@@ -156,7 +156,7 @@ runtime::Connect RosWires::at_edge(const RobotId& robot, const TierId& edge) con
 runtime::Connect RosWires::from_camera(const RobotId& robot, int number, const TierId& edge) const {
   return of_camera(robot, number, edge, Side::opens);
 }
-runtime::Connect RosWires::at_map_server(const RobotId& robot, int number, const TierId& edge) const {
+runtime::Connect RosWires::at_camera_map_server(const RobotId& robot, int number, const TierId& edge) const {
   return of_camera(robot, number, edge, Side::accepts);
 }
 runtime::Connect RosWires::from_edge(const TierId& edge) const { return of_cloud(edge, Side::opens); }

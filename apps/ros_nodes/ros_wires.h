@@ -20,7 +20,7 @@ class RosWires : public runtime::Wires {
   runtime::Connect from_camera(const RobotId& robot, int number, const TierId& edge) const override;
   runtime::Connect from_edge(const TierId& edge) const override;
   runtime::Connect at_edge(const RobotId& robot, const TierId& edge) const override;
-  runtime::Connect at_map_server(const RobotId& robot, int number, const TierId& edge) const override;
+  runtime::Connect at_camera_map_server(const RobotId& robot, int number, const TierId& edge) const override;
   runtime::Connect at_cloud(const TierId& edge) const override;
   std::shared_ptr<transport::Board> board() const override;
   std::shared_ptr<transport::Board> plans() const override;

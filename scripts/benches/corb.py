@@ -1,7 +1,7 @@
 """CORB-SLAM's experiments on a simulated drive: 900 keyframes cut for 2 and 3 clients that drive at the same time (figures 4 to 6, tables 1 and 2)
 
 Needs the program and team_benchmark (scripts/build; scripts/build release team_benchmark). KITTI is not at hand: one robot with a depth camera drives around a corridor that closes on itself,
-and a little on. Its frames are cut into 2 and 3 clients that share --overlap seconds, and that all begin at the same time, as in the paper; they share through one map server. Writes the tables between
+and a little on. Its frames are cut into 2 and 3 clients that share --overlap seconds, and that all begin at the same time, as in the paper; they share through one camera map server. Writes the tables between
 <!-- bench:corb --> and <!-- /bench --> of datasets/RESULTS.md, out/bench/corb.json, and pictures beside it (corb-fig4-*.png, corb-fig5.png, corb-fig6.png). A team that is not one map of all clients, a client that
 received nothing from the server, a joint map whose error is larger than the largest of the clients' own maps, and a drive of fewer keyframes than it should have end with exit code 5. Takes ten minutes; --quick two (a short drive).
 """
@@ -85,7 +85,7 @@ def cut(drive, folder, clients, overlap_s):
 
 
 def stage_s(summary, words):
-    """Of the map server, whose judgements the cloud takes over."""
+    """Of the camera map server, whose judgements the cloud takes over."""
     return sum(stage["seconds"] for stage in summary["stages"] if stage["tier"] == "server" and any(word in stage["name"] for word in words))
 
 

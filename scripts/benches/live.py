@@ -1,4 +1,4 @@
-"""what the live map server costs: processor time per client, waiting, and dropped frames of whole clients in real time
+"""what the live camera map server costs: processor time per client, waiting, and dropped frames of whole clients in real time
 
 Needs live_server_benchmark (scripts/build release live_server_benchmark). Robots with depth cameras in one apartment, 10 frames/s, cameras
 that hand over features; what they publish is recorded once, below out/bench/live. Writes the table between <!-- bench:live --> and

@@ -122,7 +122,7 @@ PARTS = {
     "merge": ("merge of 456 keyframes, two robots' maps of an apartment", merge, "visual_fuse_benchmark"),
     "pose_graph": ("pose graph of 1000 keyframes", pose_graph, "pose_graph_benchmark"),
     "endurance": ("an hour of driving by features", endurance, "endurance_benchmark"),
-    "endurance_team": ("the same by two clients with which a map server shares landmarks", endurance_team, "endurance_benchmark"),
+    "endurance_team": ("the same by two clients with which a camera map server shares landmarks", endurance_team, "endurance_benchmark"),
 }
 
 

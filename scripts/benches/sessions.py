@@ -1,4 +1,4 @@
-"""CVS's table I and figure 5 on simulated drives: sessions of one flat, by day and by night, with and without a map server that knows the earlier ones
+"""CVS's table I and figure 5 on simulated drives: sessions of one flat, by day and by night, with and without a camera map server that knows the earlier ones
 
 Needs the program (scripts/build). A robot with a depth camera drives through one flat in five sessions. From session to session, three of ten pieces of furniture are gone or others, and it is day, or night with
 lamps (a twelfth of the light). Without the server each session is mapped alone; with it, session k begins with the maps of the sessions before (--map) and shares by server.share=view. Then three clients drive at the same time, as

@@ -225,7 +225,7 @@ def run(arguments):
          f"1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
     write_table("rigs", RIG_HEADERS, RIGS, rig_cells, ", in simulated apartments. Each alone: the largest of its maps; both: one map of both, and the robot's trajectory from both. Goal: "
          "1.1 times the better one's error. Error of the extrinsic constraints: root mean square before and after the graph is solved.")
-    write_table("teams", TEAM_HEADERS, (*PICTURES, *TEAMS), team_cells, ": simulated robots with their map server; where nothing else is said, cameras hand over features, 12 "
+    write_table("teams", TEAM_HEADERS, (*PICTURES, *TEAMS), team_cells, ": simulated robots with their camera map server; where nothing else is said, cameras hand over features, 12 "
          "frames/s. Wrongly: off by more than 0.5 m. "
          "Alone: root mean square of robots laid on the truth one by one, in apartments where nobody sends them anything; goal: 1.1 times that. Goals of bytes: 150 kB/s up, 50 down. Published, with other data: 500 up, 100 down "
          "(CVS, 30 frames/s), 370 up, 520 down (CCM-SLAM, as CVS quotes it)." +

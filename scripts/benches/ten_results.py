@@ -21,7 +21,7 @@ CHOSEN = [
      "visual", "visual", {"sequence": "tum_fr1_rpy"}),
     ("8 robots with cameras, simulated apartment: ATE of the team (of each robot alone)", "{team, ATE m} m ({each alone, ATE m} m)",
      "team-visual", "teams", {"cameras": "apartment, 8 robots"}),
-    ("Visual map server with 16 cameras at the speed of their sensors: load", "{server, cores} cores", "live", "live", {"clients": "16"}),
+    ("Camera map server with 16 cameras at the speed of their sensors: load", "{server, cores} cores", "live", "live", {"clients": "16"}),
     ("6 simulated robots on edges: time until their map is complete, against the cloud alone", "{against cloud alone}",
      "recslam", "recslam", {"team": "13 x 18 m, 6 robots"}),
 ]

@@ -104,6 +104,8 @@ TEST_F(RenamedOptions, are_unknown_to_structs_without_the_new_name) {
 TEST(PresentKey, follows_sections_and_leaves_other_keys_alone) {
   EXPECT_EQ(present_key("bind.tie_m"), "laser_camera_alignment.extrinsic_sigma_m");
   EXPECT_EQ(present_key("rig.way.doubt_m"), "rig.trajectory.doubt_m");
+  EXPECT_EQ(present_key("live.map_server.handlers"), "live.camera_map_server.handlers");
+  EXPECT_EQ(present_key("visual.loops.witnesses"), "visual.loops.agreeing_keyframes");
   EXPECT_EQ(present_key("robots.0.edge"), "robots.0.edge");
   EXPECT_EQ(present_key("tie_m"), "tie_m");
 }

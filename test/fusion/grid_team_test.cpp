@@ -177,7 +177,7 @@ TEST(GridTeam, reports_what_spoke_against_grids_that_stay_apart) {
   ASSERT_FALSE(verdict.hypotheses.empty());
   for (const PairHypothesis& hypothesis : verdict.hypotheses) {
     EXPECT_EQ(hypothesis.sense, Sense::grids);
-    for (const PairHypothesis::Place& place : hypothesis.contradictions) EXPECT_GE(place.length_m, 0.6);
+    for (const PairHypothesis::ContradictedWall& place : hypothesis.contradictions) EXPECT_GE(place.length_m, 0.6);
   }
 }
 

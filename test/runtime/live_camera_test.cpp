@@ -166,9 +166,10 @@ TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
     for (const Map& map : second.finish().maps()) kept += map.nodes.size();
     std::printf("%zu keyframes, %zu forgotten; the server has %zu\n", client.keyframes().size(), client.forgotten(),
                 kept);
-    EXPECT_THAT(log, testing::Conditional(has_journal, testing::Not(testing::HasSubstr("lacks")),
-                                          testing::AllOf(testing::HasSubstr("alpha.camera: the map server lacks"),
-                                                         testing::HasSubstr("visual.memory.keyframes"))));
+    EXPECT_THAT(log,
+                testing::Conditional(has_journal, testing::Not(testing::HasSubstr("lacks")),
+                                     testing::AllOf(testing::HasSubstr("alpha.camera: the camera map server lacks"),
+                                                    testing::HasSubstr("visual.memory.keyframes"))));
     EXPECT_EQ(kept + 5 > client.keyframes().size() + client.forgotten(), has_journal);
   }
 }

@@ -68,7 +68,7 @@ struct LiveCoordinatorTest : testing::Test {
     LiveEdgeCounts counts;
     for (const PlannedRobot& planned : plan.robots) {
       if (edge_of(planned.id.str()) != TierId(name)) continue;
-      LiveEdgeCounts::Robot& robot = counts.robots.emplace_back();
+      LiveEdgeCounts::RobotCounts& robot = counts.robots.emplace_back();
       robot.id = planned.id;
       robot.scans = scans;
       robot.has_ended = ended.count(planned.id.str()) != 0;

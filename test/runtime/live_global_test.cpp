@@ -60,7 +60,7 @@ class LossyWire : public transport::Channel {
   std::set<NodeId> lost_;
 };
 
-// A team of cameras at a live map server.
+// A team of cameras at a live camera map server.
 struct LiveTeam {
   LiveTeam(const simulation::WorldOptions& world, tiers::Sharing share)
       : team(world, tiers::ServerOptions{}), server(TierId("edge"), sharing(share), {}, {}, std::nullopt) {}

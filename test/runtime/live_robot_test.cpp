@@ -1,4 +1,4 @@
-// What the live map server knows of a robot with two cameras, each a client of its own.
+// What the live camera map server knows of a robot with two cameras, each a client of its own.
 #include <mapweave/runtime/live_map_server.h>
 #include <support/live_channel.h>
 #include <support/received_updates.h>

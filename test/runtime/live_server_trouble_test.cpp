@@ -1,4 +1,4 @@
-// What the live map server does when the world around it fails.
+// What the live camera map server does when the world around it fails.
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/live_map_server.h>

@@ -178,7 +178,7 @@ TEST_F(LiveSharing, of_the_global_map_gets_over_wires_that_lose_and_double_and_b
   expect_as_good(report, "global");
 }
 
-// What cameras had no room for is at their map server, which goes on from its journal.
+// What cameras had no room for is at their camera map server, which goes on from its journal.
 TEST_F(LiveSharing, goes_on_with_a_killed_edge_and_gets_back_what_cameras_forgot) {
   share(tiers::Sharing::view, 20);
   start_cloud();
@@ -202,7 +202,7 @@ TEST_F(LiveSharing, goes_on_with_a_killed_edge_and_gets_back_what_cameras_forgot
   expect_as_good(report, "killed edge");
 }
 
-// It maps anew what it mapped before, and its map server takes that in place of the other.
+// It maps anew what it mapped before, and its camera map server takes that in place of the other.
 TEST_F(LiveSharing, goes_on_with_a_robot_that_begins_again) {
   share(tiers::Sharing::view);
   start_cloud();
@@ -220,7 +220,7 @@ TEST_F(LiveSharing, goes_on_with_a_robot_that_begins_again) {
   expect_as_good(report, "begun again");
 }
 
-// The map server is away from the beginning to the end: nobody waits for it.
+// The camera map server is away from the beginning to the end: nobody waits for it.
 TEST_F(LiveSharing, goes_without_a_map_server_that_is_not_there) {
   share(tiers::Sharing::view);
   options.speed = 0.0;
@@ -258,7 +258,7 @@ TEST_F(LiveSharing, refuses_who_has_other_words_and_says_so) {
   EXPECT_TRUE(report.robots.front().mapped && report.robots.back().mapped);
   EXPECT_EQ(report.robots.front().cameras.front().sent_bytes, 0U);
   EXPECT_GT(report.robots.back().cameras.front().sent_bytes, 1000U);
-  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("its edge's map server refused")));
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("its edge's camera map server refused")));
 }
 
 }  // namespace

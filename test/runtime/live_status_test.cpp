@@ -35,7 +35,7 @@ LiveCloudCounts collecting_cloud() {
 
 LiveEdgeCounts mapping_edge() {
   LiveEdgeCounts counts;
-  LiveEdgeCounts::Robot alpha;
+  LiveEdgeCounts::RobotCounts alpha;
   alpha.id = RobotId("alpha");
   alpha.taken = 40;
   alpha.scans = 20;

@@ -122,7 +122,7 @@ TEST_F(LiveTeam, takes_maps_that_robots_made_on_board) {
 std::size_t nodes_of(const std::shared_ptr<const LivePreview>& preview, const std::string& robot) {
   std::size_t count = 0;
   if (preview != nullptr)
-    for (const LivePreview::Part& part : preview->parts)
+    for (const LivePreview::JointMap& part : preview->parts)
       for (const auto& node : part.map.nodes) count += node.first.session.client.robot.str() == robot ? 1 : 0;
   return count;
 }
@@ -132,7 +132,7 @@ template <class Tier>
 void expect_newest_scans_of(const Tier& tier) {
   const std::map<RobotId, Stamp> before = tier.counts().newest_scans;
   std::map<RobotId, Stamp> shown;
-  for (const LivePreview::Part& part : tier.preview()->parts)
+  for (const LivePreview::JointMap& part : tier.preview()->parts)
     for (const auto& [id, node] : part.map.nodes) {
       Stamp& newest = shown[id.session.client.robot];
       newest = std::max(newest, node.stamp);
@@ -245,7 +245,7 @@ TEST_F(LiveTeam, waits_for_no_robot_that_has_said_all) {
   start_robots();
   for (const auto& robot : robots) ASSERT_TRUE(robot->wait(kPatience));
   for (const auto& entry : edges)
-    for (const LiveEdgeCounts::Robot& robot : entry.second->counts().robots)
+    for (const LiveEdgeCounts::RobotCounts& robot : entry.second->counts().robots)
       EXPECT_TRUE(robot.has_said_all) << robot.id.str();
   result();
 }

@@ -73,7 +73,7 @@ std::string body_of(const std::string& answer) { return answer.substr(answer.fin
 std::shared_ptr<const LivePreview> preview_of_one(std::uint64_t number) {
   auto preview = std::make_shared<LivePreview>();
   preview->number = number;
-  LivePreview::Part& part = preview->parts.emplace_back();
+  LivePreview::JointMap& part = preview->parts.emplace_back();
   part.members = {MapId("alpha")};
   const NodeId id{{{RobotId("alpha"), SensorId("laser")}, 7}, 0};
   part.map.nodes.set(

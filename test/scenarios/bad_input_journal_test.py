@@ -1,4 +1,4 @@
-"""Journals of live map servers that are damaged, empty or not what they seem: merge, export and inspect name the file and why, exit code 3."""
+"""Journals of live camera map servers that are damaged, empty or not what they seem: merge, export and inspect name the file and why, exit code 3."""
 import sqlite3
 
 import support

@@ -92,7 +92,7 @@ class FullDisk(support.Scenario):
         done, _ = self.on_a_small_disk("4k", *run, "--out", "full", temporary=self.folder / "small")
         self.assertEqual(done.returncode, DONE, done.stderr)
         for text in (done.stdout, done.stderr):
-            self.assertRegex(text, r"map server of edge0: what its cameras forgot stays in memory, beyond server.keyframes=20: .*/small: .*"
+            self.assertRegex(text, r"camera map server of edge0: what its cameras forgot stays in memory, beyond server.keyframes=20: .*/small: .*"
                                    r"No space left on device \(0 bytes free\); free some space, or name another folder in TMPDIR")
         for out in ("roomy", "full"):
             camera = self.read_json(f"{out}/summary.json")["robots"][0]["cameras"][0]

@@ -320,7 +320,7 @@ visual.session.patience_s 0.3
 pose.silence_s 10
 visual.vocabulary {words}
 visual.loops.enabled false
-visual.loops.witnesses 1
+visual.loops.agreeing_keyframes 1
 visual.loops.least_probability 0.9999
 visual.loops.drift 0.5; visual.loops.drift_m=0.0001
 visual.loops.drift_m 0.0001
@@ -517,12 +517,12 @@ WITHOUT_EFFECT = {
     "live.page_port": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/page_server_test.cpp",
     "live.wire.repeat_s": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
     "live.wire.window_kb": "of programs that talk (serve), not of a run; serve_test.py and test/runtime/live_team_test.cpp",
-    "live.map_server.handlers": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
-    "live.map_server.merge_threads": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
-    "live.map_server.merge_share": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
-    "live.map_server.queue_kb": "of programs that talk (serve), not of a run; test/runtime/live_camera_test.cpp",
-    "live.map_server.answers_kb": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
-    "live.map_server.journal_kb": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
+    "live.camera_map_server.handlers": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
+    "live.camera_map_server.merge_threads": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
+    "live.camera_map_server.merge_share": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
+    "live.camera_map_server.queue_kb": "of programs that talk (serve), not of a run; test/runtime/live_camera_test.cpp",
+    "live.camera_map_server.answers_kb": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
+    "live.camera_map_server.journal_kb": "of programs that talk (serve), not of a run; test/runtime/live_map_server_test.cpp",
     "laser.graph.loops.cache_mb": "memory against time; what fell out of the cache is made again, the same",
     "fusion.cache_mb": "memory against time; what fell out of the cache is made again, the same",
     "server.index.cell_m": "time alone: whatever the cells, each landmark in them is projected",

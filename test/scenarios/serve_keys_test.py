@@ -179,7 +179,7 @@ class ServeKeys(serve_test.WithBroker):
         for process in (*robots, edge):
             self.end(process)
         for robot in self.read_json("live/summary.json")["robots"]:
-            self.assertGreater(robot["cameras"][0]["sent_bytes"], 1000, "its map server bade welcome")
+            self.assertGreater(robot["cameras"][0]["sent_bytes"], 1000, "its camera map server bade welcome")
 
         def may_publish(user, *subjects):
             stranger = Broker(port, self.read_json(f"keys/{user}.keys"))

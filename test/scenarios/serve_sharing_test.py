@@ -81,7 +81,7 @@ class ServeSharing(serve_test.WithBroker):
         self.assertEqual([camera["label"] for camera in robot["cameras"]], ["back", "front"])
         for camera in robot["cameras"]:
             self.assertGreater(camera["sent_bytes"], 10000, camera)
-        self.assertNotIn("map server", json.dumps(self.read_json("live/summary.json")["notes"]))
+        self.assertNotIn("camera map server", json.dumps(self.read_json("live/summary.json")["notes"]))
 
     def test_what_is_not_done_is_said(self):
         self.mapweave("simulate", self.write("world.yaml", serve_test.WORLD), "--out", "logs")

@@ -98,7 +98,7 @@ TEST(LatencyModel, reports_each_term_of_what_it_predicts) {
   const LatencyTerms terms = Latency(problem, model).terms({{0, 1}, {2}});
   ASSERT_EQ(terms.edges.size(), 2u);
   ASSERT_EQ(terms.edges[0].robots.size(), 2u);
-  const LatencyTerms::Robot& b = terms.edges[0].robots[1];
+  const LatencyTerms::RobotTerms& b = terms.edges[0].robots[1];
   EXPECT_EQ(b.robot, 1u);
   EXPECT_DOUBLE_EQ(b.pack_s, 1.0);
   EXPECT_DOUBLE_EQ(b.transfer_s, 1.5);

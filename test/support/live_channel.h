@@ -1,5 +1,5 @@
 #pragma once
-// A client's end of a channel to a live map server.
+// A client's end of a channel to a live camera map server.
 
 #include <mapweave/maps/receipt.h>
 #include <mapweave/tiers/subjects.h>

@@ -1,5 +1,5 @@
 #pragma once
-// What two robots in an apartment publish to their edge's map server.
+// What two robots in an apartment publish to their edge's camera map server.
 
 #include <support/feature_team.h>
 

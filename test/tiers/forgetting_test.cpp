@@ -1,4 +1,4 @@
-// A camera with less room than its map takes, and a map server that has more.
+// A camera with less room than its map takes, and a camera map server that has more.
 #include <mapweave/core/error.h>
 #include <support/received_updates.h>
 

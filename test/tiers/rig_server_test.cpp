@@ -1,4 +1,4 @@
-// Several cameras of one robot, each a client of its own, at one map server.
+// Several cameras of one robot, each a client of its own, at one camera map server.
 #include <support/received_updates.h>
 
 #include <gmock/gmock.h>

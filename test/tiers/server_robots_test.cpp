@@ -1,4 +1,4 @@
-// Where a robot is by all of its cameras, as their map server knows it.
+// Where a robot is by all of its cameras, as their camera map server knows it.
 #include <mapweave/core/error.h>
 #include <mapweave/core/stamped_pose.h>
 #include <support/received_updates.h>

@@ -1,4 +1,4 @@
-// A map server that is killed again and again, with a journal of what it received.
+// A camera map server that is killed again and again, with a journal of what it received.
 #include <support/received_updates.h>
 
 #include <mapweave/mapdb/update_journal.h>

@@ -29,7 +29,7 @@ struct Broker {
   std::vector<std::vector<Stored>> streams;
   explicit Broker(std::size_t classes) : streams(classes) {}
 
-  Publication store(const ChannelSender::Part& part) {
+  Publication store(const ChannelSender::MessagePart& part) {
     auto& stream = streams[part.priority];
     for (std::size_t i = 0; i < stream.size(); ++i)
       if (stream[i].id == part.message_id) return {Outcome::stored, i + 1, true, {}};
@@ -130,7 +130,7 @@ TEST_F(Halves, carry_messages_in_order_and_make_room) {
 TEST_F(Halves, send_what_is_urgent_first_and_little_at_once) {
   for (int i = 0; i < 10; ++i) sender.put(message(std::string(60'000, 'x')), 1);
   std::size_t flying = 0;
-  std::vector<ChannelSender::Part> parts;
+  std::vector<ChannelSender::MessagePart> parts;
   while (auto part = sender.next(now_s)) {
     flying += part->bytes.size();
     parts.push_back(*part);

@@ -49,7 +49,7 @@ TEST_F(BorrowedLandmarksTest, become_landmarks_once_a_keyframe_shows_them) {
   const auto found = look();
   ASSERT_EQ(found.size(), 9U);
   for (const Match& match : found) {
-    const Landmark& landmark = map.landmark(match.landmark);
+    const ClientLandmark& landmark = map.landmark(match.landmark);
     ASSERT_TRUE(landmark.borrowed);
     EXPECT_EQ(landmark.point, landmarks[landmark.borrowed->id.index].point_in_map);
     EXPECT_NEAR(match.pixel.x(), map.camera.project(landmark.point).x() + 1.0, 1e-4);
@@ -115,8 +115,9 @@ TEST_F(BorrowedLandmarksTest, that_do_not_fit_are_landmarks_of_nobody) {
   fits[2] = fits[5] = 0;
   borrowed.keep(map, found, fits);
   EXPECT_EQ(found.size(), 7U);
-  EXPECT_EQ(std::count_if(map.landmarks.begin(), map.landmarks.end(), [](const Landmark& one) { return !one.gone; }),
-            7);
+  EXPECT_EQ(
+      std::count_if(map.landmarks.begin(), map.landmarks.end(), [](const ClientLandmark& one) { return !one.gone; }),
+      7);
   see(found);
   EXPECT_EQ(look(found).size(), 2U) << "they are looked for again";
 }

@@ -1,7 +1,7 @@
 // An hour of driving by a client that takes features: memory, processor time for each frame, and error, over time.
 // endurance_benchmark [METRES [SEED]]: of path, at about 0.6 m/s; 2200 m are an hour.
 // endurance_benchmark team [METRES [SEED [none|view|full]]]: two clients, round the same rooms each on its own path,
-// and their map server.
+// and their camera map server.
 
 #include "endurance_team.h"
 

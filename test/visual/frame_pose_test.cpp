@@ -17,7 +17,7 @@ class ThingInARoom : public testing::Test {
   }
   double uniform(double from, double to) { return std::uniform_real_distribution<double>(from, to)(random); }
   void see(const Eigen::Vector3d& point, const View& view) {
-    Landmark landmark;
+    ClientLandmark landmark;
     landmark.point = point;
     const int id = map.add(std::move(landmark));
     const Eigen::Vector2d pixel = map.camera.project(view * point);

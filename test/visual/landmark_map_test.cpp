@@ -22,7 +22,7 @@ struct Story {
     return map.add(std::move(keyframe));
   }
   int landmark(const std::vector<int>& keyframes) {
-    Landmark landmark;
+    ClientLandmark landmark;
     landmark.point = {0, 0, 3};
     landmark.appearances.push_back({Patch(), {}, keyframes.front(), View()});
     const int id = map.add(std::move(landmark));

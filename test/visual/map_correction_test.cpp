@@ -29,7 +29,7 @@ TEST(MapCorrection, joins_sessions_of_different_scale) {
       const int number = map.add(std::move(keyframe));
       for (int p = 0; p < 3; ++p) {
         if (i == 0) {
-          Landmark landmark;
+          ClientLandmark landmark;
           landmark.point = scale * (own * points[static_cast<std::size_t>(p)]);
           map.add(std::move(landmark));
         }
@@ -93,7 +93,7 @@ Corrected corrected(const std::vector<double>& mapped_scale, bool with_wheels) {
   loop.matches.resize(50);
   loop.serials.resize(50);
   for (Match& match : loop.matches) {
-    Landmark landmark;
+    ClientLandmark landmark;
     landmark.gone = true;
     match.landmark = map.add(std::move(landmark));
   }

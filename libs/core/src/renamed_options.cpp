@@ -24,6 +24,8 @@ constexpr RenamedOption kRenamed[] = {
     {"rig", "step_scale", "covisibility_sigma_scale"},
     {"rig", "way", "trajectory"},
     {"fusion.visual", "companions", "covisible"},
+    {"visual.loops", "witnesses", "agreeing_keyframes"},
+    {"live", "map_server", "camera_map_server"},
 };
 
 }  // namespace

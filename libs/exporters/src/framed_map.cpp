@@ -9,19 +9,19 @@
 namespace mapweave::exporters {
 namespace {
 
-struct RobotTrajectory {
+struct DrawnTrajectory {
   RobotId robot;
   cv::Scalar colour;
   std::vector<const SessionTrajectory*> sessions;
   double length_m = 0.0;
 };
 
-std::vector<RobotTrajectory> trajectories_of(const std::vector<SessionTrajectory>& trajectories) {
+std::vector<DrawnTrajectory> trajectories_of(const std::vector<SessionTrajectory>& trajectories) {
   std::vector<const SessionTrajectory*> sorted;
   for (const auto& trajectory : trajectories)
     if (!trajectory.poses.empty()) sorted.push_back(&trajectory);
   std::stable_sort(sorted.begin(), sorted.end(), [](const auto* a, const auto* b) { return a->session < b->session; });
-  std::vector<RobotTrajectory> robot_trajectories;
+  std::vector<DrawnTrajectory> robot_trajectories;
   for (const auto* trajectory : sorted) {
     if (robot_trajectories.empty() || robot_trajectories.back().robot != trajectory->session.client.robot) {
       const RobotColour colour = robot_colour(robot_trajectories.size());
@@ -46,20 +46,20 @@ double round_length(double most_m) {
 
 struct LegendEntry {
   std::string text;
-  const RobotTrajectory* trajectory;  // null: start and end explained
+  const DrawnTrajectory* trajectory;  // null: start and end explained
   double left_px, width_px;
   int line;
 };
 
 constexpr double kLegendLine = 2.0, kSwatch = 2.4, kLegendGap = 1.6, kTitle = 1.4;  // in capitals
 
-std::vector<LegendEntry> legend_of(const std::vector<RobotTrajectory>& robot_trajectories, int width_px,
+std::vector<LegendEntry> legend_of(const std::vector<DrawnTrajectory>& robot_trajectories, int width_px,
                                    double capital_px) {
   constexpr std::size_t kMost = 40;
   std::vector<LegendEntry> entries;
   double left = capital_px;
   int line = 0;
-  const auto add = [&](const std::string& text, const RobotTrajectory* trajectory, double before_text) {
+  const auto add = [&](const std::string& text, const DrawnTrajectory* trajectory, double before_text) {
     const double width = before_text * capital_px + Sheet::width_of(text, capital_px);
     if (left > capital_px && left + width > width_px - capital_px) {
       left = capital_px;
@@ -69,7 +69,7 @@ std::vector<LegendEntry> legend_of(const std::vector<RobotTrajectory>& robot_tra
     left += width + kLegendGap * capital_px;
   };
   for (std::size_t i = 0; i < std::min(robot_trajectories.size(), kMost); ++i) {
-    const RobotTrajectory& one = robot_trajectories[i];
+    const DrawnTrajectory& one = robot_trajectories[i];
     add(one.robot.str() + " (" + metres(one.length_m, one.length_m < 10.0 ? 1 : 0) + ")", &one, kSwatch + 0.5);
   }
   if (robot_trajectories.size() > kMost)
@@ -97,7 +97,7 @@ void draw_legend(Sheet& sheet, const std::vector<LegendEntry>& legend, double to
 }
 
 // Names beside the starts, where there is room for them.
-void draw_names(Sheet& sheet, const std::vector<RobotTrajectory>& robot_trajectories,
+void draw_names(Sheet& sheet, const std::vector<DrawnTrajectory>& robot_trajectories,
                 const std::vector<cv::Point2d>& starts, const cv::Rect& map) {
   constexpr double kSize = 0.85;
   const double height = kSize * sheet.capital_px(), away = 0.9 * sheet.capital_px();
@@ -127,7 +127,7 @@ void draw_names(Sheet& sheet, const std::vector<RobotTrajectory>& robot_trajecto
 
 std::string framed_map_png(const MapRaster& raster, const std::vector<SessionTrajectory>& trajectories,
                            const PictureOptions& options) {
-  const std::vector<RobotTrajectory> robot_trajectories = trajectories_of(trajectories);
+  const std::vector<DrawnTrajectory> robot_trajectories = trajectories_of(trajectories);
   // Title, legend, map, scale: one below the other.
   const double capital = std::clamp(std::max(raster.pixels.cols, options.least_width_px) / 75.0, 12.0, 60.0);
   const int width = std::max(options.least_width_px, raster.pixels.cols + 2 * static_cast<int>(capital));

@@ -72,7 +72,7 @@ std::uint8_t shade(std::int64_t value, std::int64_t largest) {
   return static_cast<std::uint8_t>((value * 255 + largest / 2) / largest);
 }
 
-GreyImage decode_pgm(std::string_view bytes, const std::string& where) {
+MapServerImage decode_pgm(std::string_view bytes, const std::string& where) {
   const bool text = bytes[1] == '2';
   PgmText header(bytes, where);
   const std::int64_t columns = header.number("the width", INT32_MAX), rows = header.number("the height", INT32_MAX);
@@ -94,7 +94,7 @@ GreyImage decode_pgm(std::string_view bytes, const std::string& where) {
                std::to_string(remaining - pixels * bytes_per_pixel) + " bytes more",
            where);
 
-  GreyImage image{static_cast<std::int32_t>(columns), static_cast<std::int32_t>(rows), {}, {}};
+  MapServerImage image{static_cast<std::int32_t>(columns), static_cast<std::int32_t>(rows), {}, {}};
   image.shades.reserve(static_cast<std::size_t>(pixels));
   std::size_t at = header.position();
   for (std::int64_t pixel = 0; pixel < pixels; ++pixel) {
@@ -133,7 +133,7 @@ void check_png(std::string_view bytes, const std::string& where) {
   refuse("the image is cut short: its " + std::to_string(bytes.size()) + " bytes have no end mark", where);
 }
 
-GreyImage decode_png(std::string_view bytes, const std::string& where) {
+MapServerImage decode_png(std::string_view bytes, const std::string& where) {
   check_png(bytes, where);
   cv::Mat decoded;
   try {
@@ -146,7 +146,7 @@ GreyImage decode_png(std::string_view bytes, const std::string& where) {
   if (decoded.empty() || (decoded.depth() != CV_8U && decoded.depth() != CV_16U) || channels == 2 || channels > 4)
     refuse("the image cannot be decoded", where);
 
-  GreyImage image{decoded.cols, decoded.rows, {}, {}};
+  MapServerImage image{decoded.cols, decoded.rows, {}, {}};
   image.shades.reserve(decoded.total());
   const auto value_at = [&](int row, int index) {
     return decoded.depth() == CV_8U ? decoded.ptr<std::uint8_t>(row)[index]
@@ -167,9 +167,9 @@ GreyImage decode_png(std::string_view bytes, const std::string& where) {
 
 }  // namespace
 
-GreyImage grey_image(const OccupancyGrid& grid) {
+MapServerImage grey_image(const OccupancyGrid& grid) {
   MAPWEAVE_EXPECT(!grid.empty(), "a grid without cells has no picture");
-  GreyImage image{grid.columns, grid.rows, {}, {}};
+  MapServerImage image{grid.columns, grid.rows, {}, {}};
   image.shades.reserve(grid.log_odds.size());
   for (std::int32_t row = grid.rows - 1; row >= 0; --row)
     for (std::int32_t column = 0; column < grid.columns; ++column) {
@@ -181,7 +181,7 @@ GreyImage grey_image(const OccupancyGrid& grid) {
   return image;
 }
 
-GreyImage decode_image(std::string_view bytes, const std::string& where) {
+MapServerImage decode_image(std::string_view bytes, const std::string& where) {
   if (bytes.size() >= 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5')) return decode_pgm(bytes, where);
   if (bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n") return decode_png(bytes, where);
   throw Error(ErrorCode::kUnsupported,

@@ -109,7 +109,7 @@ cv::Mat drawn_cells(const OccupancyGrid& grid, const Window& window, const Zoom&
 }  // namespace
 
 std::string grid_png(const OccupancyGrid& grid) {
-  GreyImage image = grey_image(grid);
+  MapServerImage image = grey_image(grid);
   return encoded(cv::Mat(image.rows, image.columns, CV_8U, image.shades.data()));
 }
 

@@ -210,7 +210,7 @@ OccupancyGrid resampled(const OccupancyGrid& grid, const Pose2& map_from_grid, c
 }  // namespace
 
 std::string pgm_bytes(const OccupancyGrid& grid) {
-  const GreyImage image = grey_image(grid);
+  const MapServerImage image = grey_image(grid);
   std::string bytes = "P5\n" + std::to_string(image.columns) + " " + std::to_string(image.rows) + "\n255\n";
   bytes.append(image.shades.begin(), image.shades.end());
   return bytes;
@@ -255,7 +255,7 @@ OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
     throw Error(ErrorCode::kMissing, "the image '" + description.image.string() + "' is not there",
                 yaml_file.string() + ":" + std::to_string(description.image_line),
                 "put it beside the YAML file, or correct the key 'image'");
-  const GreyImage image =
+  const MapServerImage image =
       decode_image(read_file(description.image, std::uint64_t{1} << 30), description.image.string());
 
   OccupancyGrid grid;

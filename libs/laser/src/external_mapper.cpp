@@ -154,7 +154,7 @@ void ExternalMapper::await_poses() {
     if (!exchange(nothing, true)) fail();
 }
 
-Map ExternalMapper::map_of(std::vector<Waiting> scans) const {
+Map ExternalMapper::map_of(std::vector<SentScan> scans) const {
   std::vector<TrackedScan> tracked;
   tracked.reserve(scans.size());
   for (std::size_t i = 0; i < scans.size(); ++i) {

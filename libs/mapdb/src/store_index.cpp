@@ -104,8 +104,9 @@ void add(Hasher& hasher, const std::vector<BlobEntry>& blobs) {
   for (const BlobEntry& blob : blobs) hasher.add(blob.owner).add(blob.sequence).add(blob.bytes).add(blob.sha256);
 }
 
-// Over everything that the tables hold, but for the compressed bytes, which have their own hashes.
-Hash seal_of(const StoreIndex& index) {
+// Over everything that the tables hold, but for the compressed bytes, which have their own hashes. The file format
+// keeps it in a table that is called `seal`.
+Hash index_hash_of(const StoreIndex& index) {
   const StoreSummary& summary = index.summary;
   Hasher hasher;
   hasher.add("store")
@@ -277,12 +278,12 @@ void write_index(Database& database, const StoreIndex& index) {
     MAPWEAVE_EXPECT(is_utf8(key) && is_utf8(value), "metadata are UTF-8: " + key);
     insert_metadata.bind_text(key).bind_text(value).run();
   }
-  const Hash seal = seal_of(index);
-  Statement insert_seal(database, "INSERT INTO seal VALUES (?, ?, ?, ?)");
-  insert_seal.bind_bytes(bytes_of(summary.identity))
+  const Hash hash = index_hash_of(index);
+  Statement insert_hash(database, "INSERT INTO seal VALUES (?, ?, ?, ?)");
+  insert_hash.bind_bytes(bytes_of(summary.identity))
       .bind(number(summary.judgements))
       .bind(number(summary.verdicts))
-      .bind_bytes(bytes_of(seal))
+      .bind_bytes(bytes_of(hash))
       .run();
 }
 
@@ -347,12 +348,13 @@ StoreIndex read_index(Database& database, int schema) {
     if (!is_utf8(key) || !is_utf8(value)) database.corrupt("its metadata are not UTF-8");
     summary.metadata[key] = value;
   }
-  Statement seal(database, "SELECT * FROM seal");
-  if (!seal.step()) database.corrupt("it was not finished");
-  summary.identity = hash_from(seal.bytes(0), database);
-  summary.judgements = count_from(seal.integer(1), database);
-  summary.verdicts = count_from(seal.integer(2), database);
-  if (hash_from(seal.bytes(3), database) != seal_of(index)) database.corrupt("its tables are not what its seal says");
+  Statement stored(database, "SELECT * FROM seal");
+  if (!stored.step()) database.corrupt("it was not finished");
+  summary.identity = hash_from(stored.bytes(0), database);
+  summary.judgements = count_from(stored.integer(1), database);
+  summary.verdicts = count_from(stored.integer(2), database);
+  if (hash_from(stored.bytes(3), database) != index_hash_of(index))
+    database.corrupt("its tables do not match the hash in its table 'seal'");
   return index;
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// What a store holds beside its blobs: small, and sealed by one hash.
+// What a store holds beside its blobs: small, with one hash over all of it (table `seal` of the file format).
 
 #include "packed_blob.h"
 
@@ -33,7 +33,8 @@ std::string read_blob(Database&, BlobKind, const BlobEntry&);
 
 // The rest, once all blobs are written.
 void write_index(Database&, const StoreIndex&);
-// Throws Error(kCorrupt) where it is not what its seal says. Every name in it is valid, every blob's owner is a map.
+// Throws Error(kCorrupt) where its hash is another than the file says. Every name in it is valid, every blob's owner is
+// a map.
 StoreIndex read_index(Database&, int schema);
 
 }  // namespace mapweave::mapdb

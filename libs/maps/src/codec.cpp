@@ -45,7 +45,7 @@ const auto& id_of(const Element& element) {
 
 template <class Value>
 void expect_sound(const Value& value) {
-  const std::string problem = flaw(value);
+  const std::string problem = problem_with(value);
   MAPWEAVE_EXPECT(problem.empty(), "only sound values are written: " + problem);
 }
 void expect_sound(const NodeId&) {}  // their sessions are checked

@@ -50,7 +50,7 @@ double unpacked_distance(std::uint32_t packed) {
 void expect_sound_name(const MapId& map) { MAPWEAVE_EXPECT(is_valid_name(map.str()), "a message speaks of a map"); }
 template <class Value>
 void expect_sound(const Value& value) {
-  const std::string problem = flaw(value);
+  const std::string problem = problem_with(value);
   MAPWEAVE_EXPECT(problem.empty(), "only sound values are sent: " + problem);
 }
 
@@ -91,8 +91,8 @@ SessionTable sessions_of(const Share& share) {
 
 bool is_scale(double scale) { return std::isfinite(scale) && scale > 0.0; }
 
-std::string flaw_of(const KeyframeFeatures& features) {
-  return flaw(Node{{}, {}, {}, std::make_shared<const Payload>(features)});
+std::string problem_with(const KeyframeFeatures& features) {
+  return problem_with(Node{{}, {}, {}, std::make_shared<const Payload>(features)});
 }
 
 MapId map_name(const std::string& name, const FormReader& reader) {
@@ -140,7 +140,7 @@ SharedKeyframe shared_keyframe_of(const form::SharedKeyframe& form, const FormRe
     FormReader of_features(where);
     of_features.take_camera(form.camera());
     keyframe.features = of_features.keyframe(form.features());
-    if (const std::string problem = flaw_of(*keyframe.features); !problem.empty()) reader.corrupt(problem);
+    if (const std::string problem = problem_with(*keyframe.features); !problem.empty()) reader.corrupt(problem);
   }
   if (static_cast<std::size_t>(form.landmarks_size()) > kMostLandmarksOfKeyframe)
     reader.corrupt("a shared keyframe with " + std::to_string(form.landmarks_size()) + " landmarks; at most " +
@@ -350,7 +350,7 @@ PlaceRequest decode_place_request(std::string_view bytes, const std::string& whe
   const auto form = read_exchange(bytes, reader, where, form::Exchange::kPlaceRequest);
   reader.take_camera(form.place_request().camera());
   PlaceRequest request{{form.place_request().stamp_ns()}, reader.keyframe(form.place_request().features())};
-  if (const std::string problem = flaw_of(request.features); !problem.empty()) reader.corrupt(problem);
+  if (const std::string problem = problem_with(request.features); !problem.empty()) reader.corrupt(problem);
   return request;
 }
 

@@ -24,7 +24,7 @@ bool is_rising(const std::vector<MapId>& names) {
 }
 
 // Empty where there is none.
-std::string flaw(const MatchedSubmaps& match) {
+std::string problem_with(const MatchedSubmaps& match) {
   const Pose2& pose = match.from_from_to;
   if (!(std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.phi) && match.information.allFinite()))
     return "a match holds a number that is not finite";
@@ -33,7 +33,7 @@ std::string flaw(const MatchedSubmaps& match) {
   return is_probability(match.probability) ? "" : "a match's probability is not within 0..1";
 }
 
-std::string flaw(const MergedGroups& groups, const std::vector<MapId>& members) {
+std::string problem_with(const MergedGroups& groups, const std::vector<MapId>& members) {
   std::vector<MapId> all;
   if (!is_rising(groups.one) || !is_rising(groups.other) || groups.one.empty() || groups.other.empty())
     return "groups that were merged are not in order";
@@ -46,23 +46,23 @@ std::string flaw(const MergedGroups& groups, const std::vector<MapId>& members) 
   return is_proposer(groups.proposer) ? "" : "a merge's proposer is not up to 256 printable letters";
 }
 
-std::string flaw(const MergedMaps& merged) {
+std::string problem_with(const MergedMaps& merged) {
   if (merged.members.size() < 2 || !is_rising(merged.members)) return "members are not two maps or more, in order";
   for (const MergedGroups& groups : merged.merges)
-    if (auto problem = flaw(groups, merged.members); !problem.empty()) return problem;
+    if (auto problem = problem_with(groups, merged.members); !problem.empty()) return problem;
   std::set<Hash> known;
   for (const Judgement& judgement : merged.judgements) {
-    if (auto problem = mapweave::flaw(judgement); !problem.empty()) return problem;
+    if (auto problem = mapweave::problem_with(judgement); !problem.empty()) return problem;
     known.insert(judgement.id);
   }
   if (!is_rising(merged.judgements, [](const Judgement& judgement) -> const Hash& { return judgement.id; }))
     return "judgements are not in order";
   for (const MatchedSubmaps& match : merged.matches) {
-    if (auto problem = flaw(match); !problem.empty()) return problem;
+    if (auto problem = problem_with(match); !problem.empty()) return problem;
     if (known.count(match.judgement) == 0) return "a match comes without its judgement";
   }
   for (const Constraint& constraint : merged.constraints)
-    if (auto problem = mapweave::flaw(constraint); !problem.empty()) return problem;
+    if (auto problem = mapweave::problem_with(constraint); !problem.empty()) return problem;
   return is_rising(merged.constraints, [](const Constraint& constraint) { return key_of(constraint.id); })
              ? ""
              : "constraints are not in order";
@@ -84,7 +84,7 @@ SessionTable sessions_of(const MergedMaps& merged) {
   }
   sessions.sort();
   for (const SessionId& session : sessions.sessions())
-    MAPWEAVE_EXPECT(flaw(session).empty(), "only sound values are sent: " + flaw(session));
+    MAPWEAVE_EXPECT(problem_with(session).empty(), "only sound values are sent: " + problem_with(session));
   return sessions;
 }
 
@@ -129,7 +129,7 @@ std::vector<MapId> names_in(const Names& names, const FormReader& reader) {
 }  // namespace
 
 std::string encode(const MergedMaps& merged) {
-  const std::string problem = flaw(merged);
+  const std::string problem = problem_with(merged);
   MAPWEAVE_EXPECT(problem.empty(), "only sound values are sent: " + problem);
   const SessionTable sessions = sessions_of(merged);
   form::Exchange form;
@@ -167,7 +167,7 @@ MergedMaps decode_merged_maps(std::string_view bytes, const std::string& where) 
   for (const auto& match : content.matches()) merged.matches.push_back(match_of(match, reader));
   for (const auto& judgement : content.judgements()) merged.judgements.push_back(reader.judgement(judgement));
   for (const auto& constraint : content.constraints()) merged.constraints.push_back(reader.constraint(constraint));
-  if (const std::string problem = flaw(merged); !problem.empty()) reader.corrupt(problem);
+  if (const std::string problem = problem_with(merged); !problem.empty()) reader.corrupt(problem);
   return merged;
 }
 

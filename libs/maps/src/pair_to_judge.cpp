@@ -19,7 +19,7 @@ SessionTable sessions_of(const std::vector<PairToJudge>& pairs) {
   for (const PairToJudge& pair : pairs)
     for (const SubmapsToJudge& submaps : pair.submaps)
       for (const SessionId& session : {submaps.a.session, submaps.b.session}) {
-        MAPWEAVE_EXPECT(flaw(session).empty(), "only sound values are sent: " + flaw(session));
+        MAPWEAVE_EXPECT(problem_with(session).empty(), "only sound values are sent: " + problem_with(session));
         sessions.add(session);
       }
   sessions.sort();

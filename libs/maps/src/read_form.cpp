@@ -25,7 +25,7 @@ void FormReader::corrupt(const std::string& what) const {
 
 template <class Value>
 void FormReader::require_sound(const Value& value) const {
-  if (const std::string problem = flaw(value); !problem.empty()) corrupt(problem);
+  if (const std::string problem = problem_with(value); !problem.empty()) corrupt(problem);
 }
 
 std::string FormReader::name_or_nothing(const std::string& text, const char* of_what) const {

@@ -17,21 +17,21 @@ inline constexpr int kMostLevel = 31;                   // of a pyramid
 inline constexpr double kUnitTolerance = 1e-6;          // of a quaternion's norm
 
 // Each says what is wrong, with what was expected; empty for a sound value.
-std::string flaw(const SessionId&);
-std::string flaw(const Pose3&);
-std::string flaw(const ScanGeometry&);
-std::string flaw(const CameraGeometry&);
-std::string flaw(const Node&);
-std::string flaw(const MovedNode&);
-std::string flaw(const Submap&);
-std::string flaw(const ConstraintId&);
-std::string flaw(const Constraint&);
-std::string flaw(const Judgement&);
-std::string flaw(const Verdict&);
+std::string problem_with(const SessionId&);
+std::string problem_with(const Pose3&);
+std::string problem_with(const ScanGeometry&);
+std::string problem_with(const CameraGeometry&);
+std::string problem_with(const Node&);
+std::string problem_with(const MovedNode&);
+std::string problem_with(const Submap&);
+std::string problem_with(const ConstraintId&);
+std::string problem_with(const Constraint&);
+std::string problem_with(const Judgement&);
+std::string problem_with(const Verdict&);
 bool is_proposer(const std::string& name);  // up to 256 printable letters
-std::string flaw(const Origin&);
-std::string flaw(const Landmark&);
-std::string flaw(const LandmarkChange&);
+std::string problem_with(const Origin&);
+std::string problem_with(const Landmark&);
+std::string problem_with(const LandmarkChange&);
 
 // Whether a point with fields u and v lies in the picture.
 template <class Point>

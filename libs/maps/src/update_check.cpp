@@ -126,7 +126,7 @@ class Check {
   // Of a Landmark or LandmarkChange.
   template <class AnyLandmark>
   void expect_seen_in_pictures(const AnyLandmark& landmark) const {
-    if (const std::string problem = flaw(landmark); !problem.empty())
+    if (const std::string problem = problem_with(landmark); !problem.empty())
       does_not_fit(to_string(landmark.id) + ": " + problem);
     for (const LandmarkSighting& sighting : landmark.seen)
       if (!is_inside(sighting, camera_at(sighting.node, landmark.id)))

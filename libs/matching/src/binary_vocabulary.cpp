@@ -97,7 +97,7 @@ const OrbDescriptor& BinaryVocabulary::descriptor_of_node(std::uint32_t node) co
 }
 const Hash& BinaryVocabulary::hash() const { return tree_->hash; }
 
-BinaryVocabulary::Place BinaryVocabulary::find(const OrbDescriptor& descriptor, int direct_level) const {
+BinaryVocabulary::WordAndNode BinaryVocabulary::find(const OrbDescriptor& descriptor, int direct_level) const {
   MAPWEAVE_EXPECT(direct_level >= 1, "the root is no node");
   std::uint32_t passed = 0;
   const std::uint32_t leaf =
@@ -112,7 +112,7 @@ DescribedPicture BinaryVocabulary::describe_picture(const std::vector<OrbDescrip
   std::vector<std::uint32_t> words;
   words.reserve(features.size());
   for (const OrbDescriptor& feature : features) {
-    const Place place = find(feature, direct_level);
+    const WordAndNode place = find(feature, direct_level);
     picture.node_of_feature.push_back(place.node);
     if (tree_->fixed_weight_of_word[place.word] > 0) words.push_back(place.word);
   }

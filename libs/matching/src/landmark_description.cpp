@@ -134,7 +134,7 @@ std::optional<DescribedLandmark> LandmarkDescriber::described(const Landmark& la
   else
     result.direction.setZero();
   result.sigma_m = std::max(options_.sigma_m, sum_sigma / static_cast<double>(looks.size()));
-  return flaw(result).empty() ? std::optional(result) : std::nullopt;
+  return problem_with(result).empty() ? std::optional(result) : std::nullopt;
 }
 
 }  // namespace mapweave::matching

@@ -23,7 +23,7 @@ std::size_t mixed(std::size_t hash, std::uint64_t value) {
   return static_cast<std::size_t>(h);
 }
 
-std::string flaw(const Frustum& frustum) {
+std::string problem_with(const Frustum& frustum) {
   const Pinhole& pinhole = frustum.pinhole;
   for (const double number : {pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy})
     if (!std::isfinite(number)) return "a camera's number is not finite";
@@ -59,7 +59,7 @@ std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
 
 }  // namespace
 
-std::string flaw(const DescribedLandmark& landmark) {
+std::string problem_with(const DescribedLandmark& landmark) {
   if (!is_within(landmark.point_in_map, kMostCoordinate_m)) return "its place is not finite, or out of reach";
   if (!is_within(landmark.feature_from_point, kMostCoordinate_m))
     return "its feature's place is not finite, or out of reach";
@@ -221,7 +221,7 @@ void LandmarkIndex::take_out(std::uint32_t slot) {
 }
 
 void LandmarkIndex::set(const DescribedLandmark& landmark) {
-  if (const std::string problem = flaw(landmark); !problem.empty())
+  if (const std::string problem = problem_with(landmark); !problem.empty())
     throw Error(ErrorCode::kBadInput, "a landmark cannot be indexed: " + problem, to_string(landmark.id));
   const auto [known, is_new] = slots_.try_emplace(landmark.id, 0);
   if (!is_new) {
@@ -277,7 +277,7 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
                                                      const std::optional<ClientId>& asking) const {
   MAPWEAVE_EXPECT(options.most >= 1 && options.margin_px >= 0.0 && options.most_range_ratio >= 1.0,
                   "bounds that hold something");
-  std::string problem = flaw(frustum);
+  std::string problem = problem_with(frustum);
   if (!problem.empty()) throw Error(ErrorCode::kBadInput, "no landmarks can be retrieved: " + problem);
   const View view(frustum, options);
   if (!is_within(view.low(), 4.0 * kMostCoordinate_m) || !is_within(view.high(), 4.0 * kMostCoordinate_m))

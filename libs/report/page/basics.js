@@ -70,7 +70,7 @@ function amount(bytes) {
 }
 const counted = (count, one, many) => `${count} ${count === 1 ? one : many || one + 's'}`;
 
-// Eight colours that any colour vision can tell apart (Okabe and Ito; Tol), darker ones after that, as in map.color.png.
+// Eight colours that any colour vision distinguishes (Okabe and Ito; Tol), darker ones after that, as in map.color.png.
 // With the dashes 40 robots look different, in black and white as well.
 const colours = [[0, 114, 178], [213, 94, 0], [0, 158, 115], [204, 121, 167], [86, 180, 233], [230, 159, 0], [136, 34, 85], [153, 153, 51]];
 const dashes = [[], [9, 4], [2, 4], [12, 4, 2, 4], [18, 5]];

@@ -1,6 +1,6 @@
 // Plain SVG charts: bars along time, bars of amounts, lines, signs.
 
-// Hatches tell kinds of work apart without colour.
+// Hatches distinguish kinds of work without colour.
 const works = {
   mapping: { text: 'mapping', fill: '#0072b2', hatch: null }, packing: { text: 'packing, tracking', fill: '#56b4e9', hatch: 'M0 6L6 0' },
   sending: { text: 'sending', fill: '#e69f00', hatch: 'M0 3H6' }, fusing: { text: 'fusing', fill: '#009e73', hatch: 'M0 0L6 6' },

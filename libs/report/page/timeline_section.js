@@ -41,8 +41,8 @@ function linkRows(timeline) {
   for (const push of timeline.pushes || []) add('cloud', push.robot, 'the team map', push.bytes);
   for (const robot of run.robots)
     for (const camera of robot.cameras || []) {
-      add(`${robot.name}, ${camera.label}`, robot.edge || 'its map server', 'camera map, while it drove', camera.sent_bytes);
-      add(robot.edge || 'its map server', `${robot.name}, ${camera.label}`, 'shared landmarks', camera.heard_bytes);
+      add(`${robot.name}, ${camera.label}`, robot.edge || 'its camera map server', 'camera map, while it drove', camera.sent_bytes);
+      add(robot.edge || 'its camera map server', `${robot.name}, ${camera.label}`, 'shared landmarks', camera.heard_bytes);
     }
   return rows;
 }

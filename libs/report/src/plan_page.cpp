@@ -80,10 +80,10 @@ Json timeline_json(const Latency& latency, const LatencyTerms& terms, double tot
   Json robots = Json::array(), edges = Json::array();
   for (std::uint32_t i = 0; i < terms.edges.size(); ++i) {
     const std::string name = latency.problem().edges[i].id.str();
-    const LatencyTerms::Edge& edge = terms.edges[i];
+    const LatencyTerms::EdgeTerms& edge = terms.edges[i];
     if (edge.robots.empty()) continue;
     double ready = 0.0;
-    for (const LatencyTerms::Robot& robot : edge.robots) {
+    for (const LatencyTerms::RobotTerms& robot : edge.robots) {
       ready = std::max(ready, robot.seconds());
       const auto link = latency.problem().links.find({robot.robot, i});
       const scheduling::RobotLink wire = link != latency.problem().links.end()

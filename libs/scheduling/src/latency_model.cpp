@@ -151,7 +151,7 @@ double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double deg
   return mine > 0.0 ? std::min({1.0, degree * (mine + theirs) / mine, theirs / mine}) : 0.0;
 }
 
-LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge) const {
+LatencyTerms::RobotTerms Latency::robot_terms(std::uint32_t robot, std::uint32_t edge) const {
   const auto link = problem_.links.find({robot, edge});
   const RobotLink wire =
       link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
@@ -180,8 +180,8 @@ double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {
   return std::max(all, largest);
 }
 
-LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
-  LatencyTerms::Edge terms;
+LatencyTerms::EdgeTerms Latency::edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
+  LatencyTerms::EdgeTerms terms;
   if (robots.empty()) return terms;
   FusedScans fused;
   double bytes = 0.0;
@@ -225,15 +225,15 @@ LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robot
   return terms;
 }
 
-double LatencyTerms::Edge::computing_seconds() const {
+double LatencyTerms::EdgeTerms::computing_seconds() const {
   double slowest = 0.0;
-  for (const Robot& robot : robots) slowest = std::max(slowest, robot.seconds());
+  for (const RobotTerms& robot : robots) slowest = std::max(slowest, robot.seconds());
   return slowest + fusion_s;
 }
 
 double LatencyTerms::total_seconds() const {
   double last = 0.0;
-  for (const Edge& edge : edges) last = std::max(last, edge.seconds());
+  for (const EdgeTerms& edge : edges) last = std::max(last, edge.seconds());
   return last + fusion_s;
 }
 

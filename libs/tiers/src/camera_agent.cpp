@@ -14,7 +14,7 @@ constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes in memory
 constexpr std::size_t kMostUpdate = std::size_t{48} << 10;  // bytes: a live server's queue may be as short as 64 KB
 constexpr double kFeatureBytes = 37.0;
 
-// Every so-manieth feature, so that they stay spread over the picture and its pyramid.
+// `count` features, evenly picked, so that they stay spread over the picture and its pyramid.
 std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_t count) {
   KeyframeFeatures few{whole.geometry, {}, {}};
   for (std::size_t i = 0; i < count; ++i) {
@@ -158,7 +158,7 @@ bool CameraAgent::is_repeated(const Share& share) {
 
 void CameraAgent::receive_share(visual::VisualClient& client, std::string_view bytes) {
   received_bytes_ += bytes.size();
-  const Share share = decode_share(bytes, "the map server");
+  const Share share = decode_share(bytes, "the camera map server");
   const auto session = visual::session_of(place_.client, share.map);
   if (!session || is_repeated(share)) return;
   if (!share.corrected.empty()) client.correct(place_, *session, share.corrected, share.scale);
@@ -169,7 +169,7 @@ void CameraAgent::receive_share(visual::VisualClient& client, std::string_view b
 
 visual::PlaceVerdict CameraAgent::receive_place(visual::VisualClient& client, std::string_view bytes) {
   received_bytes_ += bytes.size();
-  return client.place(place_, decode_place_answer(bytes, "the map server"));
+  return client.place(place_, decode_place_answer(bytes, "the camera map server"));
 }
 
 }  // namespace mapweave::tiers

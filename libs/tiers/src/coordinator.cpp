@@ -43,7 +43,7 @@ bool has_room(const EdgeResources& edge, std::size_t robots) { return !edge.capa
 
 Coordinator::Coordinator(CoordinatorOptions options) : options_(std::move(options)) {}
 
-Coordinator::Robot& Coordinator::known(const RobotId& robot) {
+Coordinator::KnownRobot& Coordinator::known(const RobotId& robot) {
   const auto found = robots_.find(robot);
   MAPWEAVE_EXPECT(found != robots_.end(), "robot '" + robot.str() + "' came");
   return found->second;
@@ -61,7 +61,7 @@ void Coordinator::take(RobotComes& comes) {
 }
 
 void Coordinator::take(MapReport& report) {
-  Robot& robot = known(report.robot);
+  KnownRobot& robot = known(report.robot);
   robot.scans = report.scans;
   if (report.summary.known() > 0) {
     robot.is_known = true;
@@ -153,11 +153,11 @@ Problem Coordinator::problem(const std::vector<RobotId>& robots) {
 }
 
 // As it is; who has no edge goes where it costs least, among the edges with fewest robots that have room.
-Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
+Coordinator::CandidatePlan Coordinator::staying(const Latency& latency) const {
   const Problem& problem = latency.problem();
   Groups there(problem.edges.size());
   std::vector<std::uint32_t> homeless;
-  Candidate result;
+  CandidatePlan result;
   result.edge_of.resize(problem.robots.size());
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
     const TierId& at = edge_of_.at(problem.robots[robot]);
@@ -194,13 +194,13 @@ Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
 }
 
 // The best plan there is, with edges exchanged between its groups where that costs nothing and moves fewer robots.
-Coordinator::Candidate Coordinator::planned(const Latency& latency, CoordinatorDecision& decision) const {
+Coordinator::CandidatePlan Coordinator::planned(const Latency& latency, CoordinatorDecision& decision) const {
   const Problem& problem = latency.problem();
   const scheduling::Plan plan = make_plan(problem, options_.plan);
   decision.lower_bound_s = plan.lower_bound_seconds;
   decision.cut_weight = plan.cut_weight;
   decision.algorithm_s = plan.algorithm_seconds;
-  Candidate result{plan.edge_of, plan.predicted_seconds};
+  CandidatePlan result{plan.edge_of, plan.predicted_seconds};
   const auto moved = [&](const std::vector<std::uint32_t>& edge_of) {
     std::size_t count = 0;
     for (std::size_t robot = 0; robot < edge_of.size(); ++robot)
@@ -236,7 +236,7 @@ std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
   if (const std::vector<RobotId> robots = those_with_room(); !robots.empty()) {
     const Problem problem = this->problem(robots);
     const Latency latency(problem, options_.plan.model);
-    const Candidate plan = planned(latency, decision), stay = staying(latency);
+    const CandidatePlan plan = planned(latency, decision), stay = staying(latency);
     const bool is_first =
         std::all_of(edge_of_.begin(), edge_of_.end(), [](const auto& entry) { return entry.second.empty(); });
     decision.is_new_plan = is_first || (!holds_ && plan.seconds < stay.seconds * (1.0 - options_.hysteresis));
@@ -244,7 +244,7 @@ std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
     decision.overlaps = overlaps_.overlaps();
     for (const RobotId& robot : robots)
       if (!robots_.at(robot).is_known) decision.unknown.push_back(robot);
-    const Candidate& taken = decision.is_new_plan ? plan : stay;
+    const CandidatePlan& taken = decision.is_new_plan ? plan : stay;
     decision.expected_s = taken.seconds;
     if (!decision.is_new_plan) decision.cut_weight = scheduling::cut_weight(problem.overlaps, taken.edge_of);
     for (std::size_t robot = 0; robot < robots.size(); ++robot)

@@ -1,5 +1,5 @@
 #pragma once
-// One merge of a map server's maps, and what it leaves to the next one.
+// One merge of a camera map server's maps, and what it leaves to the next one.
 
 #include "team_view.h"
 

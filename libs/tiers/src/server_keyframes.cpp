@@ -71,7 +71,7 @@ std::vector<DescribedLandmark> VisualServer::State::new_landmarks_of(const SentK
     const DescribedLandmark* known = to.member.component->landmarks().find(id);
     if (known == nullptr) continue;
     DescribedLandmark landmark = matching::transformed(*known, here.map_from_team);
-    if (!matching::flaw(landmark).empty()) continue;
+    if (!matching::problem_with(landmark).empty()) continue;
     const auto before = sent.landmarks.find(id);
     const double moved_m = before == sent.landmarks.end()
                                ? std::numeric_limits<double>::infinity()

@@ -133,7 +133,7 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
       for (const DescribedLandmark& one :
            index.retrieve(state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
         DescribedLandmark here = matching::transformed(one, map_from_team);
-        if ((here.id.session == from) == is_own && matching::flaw(here).empty())
+        if ((here.id.session == from) == is_own && matching::problem_with(here).empty())
           answer.landmarks.push_back(std::move(here));
       }
     };

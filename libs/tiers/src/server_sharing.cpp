@@ -144,7 +144,7 @@ std::vector<DescribedLandmark> VisualServer::State::landmarks_for(Client::Part& 
     const DescribedLandmark& landmark = index->landmark(seen);
     if (holds(part, member, landmark.id)) continue;
     DescribedLandmark here = matching::transformed(landmark, map_from_team);
-    if (matching::flaw(here).empty()) {
+    if (matching::problem_with(here).empty()) {
       shared.push_back(std::move(here));
       keys.push_back(key);
     }

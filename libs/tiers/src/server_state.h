@@ -1,5 +1,5 @@
 #pragma once
-// What a map server keeps, of each client and of all.
+// What a camera map server keeps of each client and of all together.
 
 #include "map_merge.h"
 #include "shared_landmark_table.h"
@@ -16,16 +16,16 @@ namespace mapweave::tiers {
 
 inline std::string name_of(const SessionId& session) { return "client " + to_string(session); }
 
-// Where a robot is in the team, and back: by its camera, which alone goes with the scale of its map.
+// The robot's pose in the team's frame; with the inverse, in the map's. Scale moves its camera, not the extrinsics.
 inline Pose3 carried(const Sim3& team_from_map, const Pose3& map_from_robot, const Pose3& robot_from_camera) {
   const Pose3 map_from_camera = compose(map_from_robot, robot_from_camera);
   return compose(compose(team_from_map.pose, Pose3{team_from_map.scale * map_from_camera.t, map_from_camera.q}),
                  inverse(robot_from_camera));
 }
 
-// Landmarks that a client may still be sent.
+// Number of landmarks that the client's limit of bytes still allows to send.
 std::size_t landmarks_within(const ByteAllowance& downlink);
-// So many of them, from all over.
+// `count` of them, evenly picked.
 template <class T>
 std::vector<T> thinned(std::vector<T> all, std::size_t count) {
   if (all.size() <= count) return all;
@@ -35,25 +35,25 @@ std::vector<T> thinned(std::vector<T> all, std::size_t count) {
   return all;
 }
 
-// A keyframe of others that a client was sent.
+// Another client's keyframe that this client was sent.
 struct SentKeyframe {
   Pose3 map_from_camera;
   double scale = 1.0;
-  std::uint64_t by = 0;                             // the view that it was looked up in last
-  std::uint32_t share = 0;                          // the number of the last one that spoke of it
+  std::uint64_t by = 0;                             // number of the view in which it was looked up last
+  std::uint32_t share = 0;                          // number of the last share that spoke of it
   std::map<LandmarkId, Eigen::Vector3d> landmarks;  // in the camera's frame
 };
 
 struct VisualServer::Client {
-  static constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
+  static constexpr std::size_t kMostBorrowed = 1000;  // borrowed landmarks of one keyframe that are kept
   static constexpr std::size_t kMostViews = 8;
   static constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 61;  // from the epoch: no clock shows that
 
   struct Part {  // one of its maps
-    MapId name;  // here; the client says `client_map`
+    MapId name;  // the server's name for it; the client's is `client_map`
     UpdateInbox inbox;
     SharedLandmarkTable shared = {};
-    std::map<SessionId, std::uint64_t> owners = {};  // numbered from 1, for its keys
+    std::map<SessionId, std::uint64_t> owners = {};  // numbers from 1, for keys of the landmark table
     std::vector<std::uint64_t> owner_of_session =
         {};                       // by the view's numbers of sessions; 0: nothing of it is shared with this client
     std::uint64_t owners_by = 0;  // the view

@@ -17,7 +17,7 @@ matching::LandmarkIndex index_of(const Map& map, const std::vector<const Landmar
   matching::LandmarkIndex index(making.index);
   for (const auto& part : known)
     for (const DescribedLandmark& one : part)
-      if (matching::flaw(one).empty()) index.set(one);
+      if (matching::problem_with(one).empty()) index.set(one);
   return index;
 }
 

@@ -23,7 +23,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
   if (update.sequence > stored_ + 1 && !says_all) {
     const std::uint64_t sequence = update.sequence;
     if (waiting_.size() < kMostWaiting && waiting_bytes_ + bytes <= std::min(most_waiting_bytes, kMostWaitingBytes) &&
-        waiting_.try_emplace(sequence, Waiting{std::move(update), bytes}).second)
+        waiting_.try_emplace(sequence, EarlyUpdate{std::move(update), bytes}).second)
       waiting_bytes_ += bytes;
     return stored;
   }
@@ -31,7 +31,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
   store(update);
   stored.push_back(std::move(update));
   while (!waiting_.empty() && waiting_.begin()->first <= stored_ + 1) {
-    Waiting next = std::move(waiting_.extract(waiting_.begin()).mapped());
+    EarlyUpdate next = std::move(waiting_.extract(waiting_.begin()).mapped());
     waiting_bytes_ -= next.bytes;
     if (next.update.sequence <= stored_) continue;
     try {

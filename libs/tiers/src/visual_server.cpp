@@ -79,7 +79,7 @@ Map VisualServer::State::Whole::map() const {
   Map map = *in_memory;
   std::vector<MapUpdate> out;
   for (const std::uint64_t number : shelved)
-    out.push_back(decode_map_update(shelf->get(number), "what the map server put on the disk"));
+    out.push_back(decode_map_update(shelf->get(number), "what the camera map server put on the disk"));
   put_back(map, out, poses);
   return map;
 }
@@ -224,11 +224,12 @@ std::vector<std::string> VisualServer::notes() const {
 std::optional<std::string> VisualServer::keeping_trouble() const {
   const std::string most = "server.keyframes=" + std::to_string(state_->options.keyframes);
   if (!state_->shelf_trouble.empty())
-    return "map server of " + state_->edge.str() + ": what its cameras forgot stays in memory, beyond " + most + ": " +
-           state_->shelf_trouble;
+    return "camera map server of " + state_->edge.str() + ": what its cameras forgot stays in memory, beyond " + most +
+           ": " + state_->shelf_trouble;
   if (state_->lost > 0)
-    return "map server of " + state_->edge.str() + ": it has no disk to keep on what its cameras forgot, and forgot " +
-           std::to_string(state_->lost) + " of their keyframes, too; allow more than " + most;
+    return "camera map server of " + state_->edge.str() +
+           ": it has no disk to keep on what its cameras forgot, and forgot " + std::to_string(state_->lost) +
+           " of their keyframes, too; allow more than " + most;
   return std::nullopt;
 }
 

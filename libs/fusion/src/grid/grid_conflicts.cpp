@@ -8,7 +8,8 @@
 
 namespace mapweave::fusion {
 
-std::vector<PairHypothesis::Place> places_of(const std::vector<matching::WallPoint>& walls, double sample_m) {
+std::vector<PairHypothesis::ContradictedWall> places_of(const std::vector<matching::WallPoint>& walls,
+                                                        double sample_m) {
   // Walls this near hang together; shorter pieces are furniture.
   constexpr double kLeastCell_m = 0.2, kLeastLength_m = 0.6;
   const double cell_m = std::max(kLeastCell_m, 2.0 * sample_m);
@@ -23,16 +24,16 @@ std::vector<PairHypothesis::Place> places_of(const std::vector<matching::WallPoi
           together.join(neighbour->second, i);
     number_of.emplace(std::make_pair(row, column), i);
   }
-  std::map<std::size_t, PairHypothesis::Place> sums;
+  std::map<std::size_t, PairHypothesis::ContradictedWall> sums;
   for (std::size_t i = 0; i < walls.size(); ++i) {
-    PairHypothesis::Place& sum = sums[together.find(i)];
+    PairHypothesis::ContradictedWall& sum = sums[together.find(i)];
     sum.x_m += walls[i].x * sample_m;
     sum.y_m += walls[i].y * sample_m;
     sum.length_m += sample_m;
   }
-  std::vector<PairHypothesis::Place> places;
+  std::vector<PairHypothesis::ContradictedWall> places;
   for (const auto& entry : sums) {
-    const PairHypothesis::Place& sum = entry.second;
+    const PairHypothesis::ContradictedWall& sum = entry.second;
     if (sum.length_m >= kLeastLength_m)
       places.push_back({sum.x_m / sum.length_m, sum.y_m / sum.length_m, sum.length_m});
   }

@@ -90,8 +90,9 @@ SideCount count(const PreparedGrid& of, const PreparedGrid& against, const Place
 }
 
 // Of both sides, in a's frame.
-std::vector<PairHypothesis::Place> conflicts_of(const PreparedGrid& a, const PreparedGrid& b, const Verified& as,
-                                                const SideCount& of_a, const SideCount& of_b) {
+std::vector<PairHypothesis::ContradictedWall> conflicts_of(const PreparedGrid& a, const PreparedGrid& b,
+                                                           const Verified& as, const SideCount& of_a,
+                                                           const SideCount& of_b) {
   std::vector<WallPoint> walls = of_a.in_conflict;
   for (const WallPoint& face : of_b.in_conflict)
     if (const int tile = b.tile_at(face.x, face.y); tile >= 0) walls.push_back(in_a(b, as.bend, tile, face));
@@ -302,7 +303,7 @@ GridPairResult reversed(GridPairResult result) {
     std::swap(counts.fit_m[0], counts.fit_m[1]);
     std::swap(counts.conflict_m[0], counts.conflict_m[1]);
     std::swap(counts.contradiction_m[0], counts.contradiction_m[1]);
-    for (PairHypothesis::Place& place : counts.conflicts) {
+    for (PairHypothesis::ContradictedWall& place : counts.conflicts) {
       const auto there =
           matching::transformed(counts.a_from_b, {static_cast<float>(place.x_m), static_cast<float>(place.y_m)});
       place.x_m = there.x;

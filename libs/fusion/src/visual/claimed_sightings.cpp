@@ -22,7 +22,7 @@ ClaimedSightings::ClaimedSightings(const std::vector<LandmarkChange>& borrowed, 
   std::map<SessionId, std::set<std::size_t>> maps_of;
   for (std::size_t m = 0; m < maps.size(); ++m) {
     for (const MappedKeyframe& keyframe : maps[m].keyframes()) maps_of[keyframe.id.session].insert(m);
-    for (const MappedLandmark& landmark : maps[m].landmarks()) maps_of[landmark.id.session].insert(m);
+    for (const VisualMapLandmark& landmark : maps[m].landmarks()) maps_of[landmark.id.session].insert(m);
   }
   for (const LandmarkChange& change : borrowed)
     for (const std::size_t m : maps_of[change.id.session]) {

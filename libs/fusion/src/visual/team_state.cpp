@@ -43,7 +43,7 @@ TeamState::TeamState(const std::vector<const VisualMap*>& its_members, const std
   for (std::size_t m = 0; m < members.size(); ++m) {
     first_keyframe.push_back(keyframes.size());
     const std::size_t first_landmark = landmark_ids.size();
-    for (const MappedLandmark& landmark : members[m]->landmarks()) {
+    for (const VisualMapLandmark& landmark : members[m]->landmarks()) {
       landmark_ids.push_back(landmark.id);
       landmark_member.push_back(m);
       landmark_keyframe.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) +

@@ -140,7 +140,7 @@ const Hash& VisualMap::content(std::size_t keyframe) const {
 
 std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) const {
   const auto found = std::lower_bound(landmarks_.begin(), landmarks_.end(), id,
-                                      [](const MappedLandmark& l, const LandmarkId& key) { return l.id < key; });
+                                      [](const VisualMapLandmark& l, const LandmarkId& key) { return l.id < key; });
   return found != landmarks_.end() && found->id == id
              ? std::optional(static_cast<std::size_t>(found - landmarks_.begin()))
              : std::nullopt;

@@ -29,7 +29,7 @@ struct MappedKeyframe {
   int likeness = 0;  // of its bag to that of the keyframe before: what a picture of the same place scores
 };
 
-struct MappedLandmark {
+struct VisualMapLandmark {
   LandmarkId id;
   Eigen::Vector3d point_in_map;
 };
@@ -47,8 +47,8 @@ class VisualMap {
   const Map& map() const { return *map_; }
   bool empty() const { return keyframes_.empty(); }
   bool is_metric() const { return is_metric_; }
-  const std::vector<MappedKeyframe>& keyframes() const { return keyframes_; }  // by id
-  const std::vector<MappedLandmark>& landmarks() const { return landmarks_; }  // by id
+  const std::vector<MappedKeyframe>& keyframes() const { return keyframes_; }     // by id
+  const std::vector<VisualMapLandmark>& landmarks() const { return landmarks_; }  // by id
   // Keyframes that look like this picture, each the best of its surroundings, best first.
   std::vector<matching::SimilarPlace> alike(const matching::BagOfWords& bag, int least_score, std::size_t most,
                                             const std::function<bool(const NodeId&)>& excluded = {}) const;
@@ -63,7 +63,7 @@ class VisualMap {
   bool is_metric_;
   rig::Covisibility seen_;
   std::vector<MappedKeyframe> keyframes_;
-  std::vector<MappedLandmark> landmarks_;
+  std::vector<VisualMapLandmark> landmarks_;
   std::unique_ptr<std::once_flag[]> hashed_;
   mutable std::vector<Hash> content_;  // of keyframes that were asked for
   std::optional<matching::PlaceIndex> index_;

@@ -290,8 +290,8 @@ class BagSource final : public RecordSource {
 
   void add_scan(const Waiting& waiting, const Pose3& robot_from_laser, ConvertedScan converted,
                 std::vector<PlacedRecord>& records) {
-    if (!converted.flaw.empty())
-      say_once(path_ + ": a scan of " + name_of(waiting.topic) + ": " + converted.flaw +
+    if (!converted.problem.empty())
+      say_once(path_ + ": a scan of " + name_of(waiting.topic) + ": " + converted.problem +
                (converted.scan ? "" : "; it is left out"));
     if (converted.scan)
       add_observation(std::move(converted.scan), waiting, label_of(waiting, robot_from_laser), records);

@@ -60,11 +60,11 @@ UnpackedChunk unpack_bz2(std::string_view packed, std::size_t most_bytes) {
     const unsigned before = stream.state.avail_in;
     answer = ::BZ2_bzDecompress(&stream.state);
     const std::size_t got = room - stream.state.avail_out;
-    if (!has_room && got > 0) chunk.flaw = kTooLarge;
+    if (!has_room && got > 0) chunk.problem = kTooLarge;
     if (has_room) used += got;
-    if (answer != BZ_OK && answer != BZ_STREAM_END) chunk.flaw = "its bzip2 stream is damaged";
-    if (answer == BZ_OK && got == 0 && stream.state.avail_in == before) chunk.flaw = kCutShort;
-    if (!chunk.flaw.empty()) break;
+    if (answer != BZ_OK && answer != BZ_STREAM_END) chunk.problem = "its bzip2 stream is damaged";
+    if (answer == BZ_OK && got == 0 && stream.state.avail_in == before) chunk.problem = kCutShort;
+    if (!chunk.problem.empty()) break;
   }
   chunk.bytes.resize(used);
   return chunk;
@@ -84,14 +84,14 @@ UnpackedChunk unpack_lz4(std::string_view packed, std::size_t most_bytes) {
     expected = ::LZ4F_decompress(stream.get(), has_room ? chunk.bytes.data() + used : &beyond, &room,
                                  packed.data() + taken, &some, nullptr);
     if (LZ4F_isError(expected) != 0U)
-      chunk.flaw = std::string("its LZ4 stream is damaged (") + ::LZ4F_getErrorName(expected) + ")";
+      chunk.problem = std::string("its LZ4 stream is damaged (") + ::LZ4F_getErrorName(expected) + ")";
     else if (!has_room && room > 0)
-      chunk.flaw = kTooLarge;
+      chunk.problem = kTooLarge;
     else if (room == 0 && some == 0 && expected != 0)
-      chunk.flaw = kCutShort;
+      chunk.problem = kCutShort;
     if (has_room && LZ4F_isError(expected) == 0U) used += room;
     taken += some;
-    if (!chunk.flaw.empty()) break;
+    if (!chunk.problem.empty()) break;
   }
   chunk.bytes.resize(used);
   return chunk;
@@ -112,13 +112,13 @@ UnpackedChunk unpack_zstd(std::string_view packed, std::size_t most_bytes) {
     const std::size_t before = input.pos;
     expected = ::ZSTD_decompressStream(&stream, &output, &input);
     if (ZSTD_isError(expected) != 0U)
-      chunk.flaw = std::string("its zstd stream is damaged (") + ::ZSTD_getErrorName(expected) + ")";
+      chunk.problem = std::string("its zstd stream is damaged (") + ::ZSTD_getErrorName(expected) + ")";
     else if (!has_room && output.pos > 0)
-      chunk.flaw = kTooLarge;
+      chunk.problem = kTooLarge;
     else if (output.pos == 0 && input.pos == before && expected != 0)
-      chunk.flaw = kCutShort;
+      chunk.problem = kCutShort;
     if (has_room && ZSTD_isError(expected) == 0U) used += output.pos;
-    if (!chunk.flaw.empty()) break;
+    if (!chunk.problem.empty()) break;
   }
   chunk.bytes.resize(used);
   return chunk;

@@ -11,7 +11,7 @@ namespace mapweave::rawlog::ros {
 struct UnpackedChunk {
   std::string bytes;
   // Why unpacking stopped before the chunk's end; empty where it did not.
-  std::string flaw;
+  std::string problem;
 };
 
 // Unpacks a bzip2 stream of at most `most_bytes` once unpacked. Memory grows with what comes out, not with what a file

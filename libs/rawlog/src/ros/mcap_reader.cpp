@@ -87,7 +87,7 @@ std::string_view records_of(const McapChunk& chunk, std::uint64_t most_bytes, Un
                   "a chunk is compressed by '" + std::string(chunk.compression.substr(0, 32)) +
                       "'; lz4, zstd and none are read",
                   {}, "compress it anew: mcap compress");
-    if (!unpacked.flaw.empty() && !chunk.is_cut) throw damage("a chunk cannot be unpacked: " + unpacked.flaw);
+    if (!unpacked.problem.empty() && !chunk.is_cut) throw damage("a chunk cannot be unpacked: " + unpacked.problem);
     records = unpacked.bytes;
   }
   if (chunk.is_cut) return records;

@@ -235,19 +235,20 @@ class Ros1Bag final : public BagReader {
       const std::size_t most = is_unfinished ? file_.most_bytes() : size;
       UnpackedChunk unpacked = fields.compression == "bz2" ? unpack_bz2(packed_, most) : unpack_lz4(packed_, most);
       chunk_ = std::move(unpacked.bytes);
-      chunk_flaw_ = std::move(unpacked.flaw);
+      chunk_problem_ = std::move(unpacked.problem);
     }
-    if (!is_last_ && chunk_flaw_.empty() && chunk_.size() != size)
-      chunk_flaw_ = "it has " + std::to_string(chunk_.size()) + " bytes, not " + std::to_string(size) + " as it says";
+    if (!is_last_ && chunk_problem_.empty() && chunk_.size() != size)
+      chunk_problem_ =
+          "it has " + std::to_string(chunk_.size()) + " bytes, not " + std::to_string(size) + " as it says";
     rest_ = chunk_;
     if (rest_.empty()) end_chunk();
   }
 
-  // True for a message that is delivered. What came of a chunk before its flaw is good.
+  // True for a message that is delivered. What came of a chunk before it was damaged is good.
   bool read_in_chunk(BagMessage& message) {
     const auto record = take_ros1_record(rest_);
     if (!record || !record->fields.op) {
-      if (chunk_flaw_.empty() && !is_last_) chunk_flaw_ = "a record in it is cut short or cannot be decoded";
+      if (chunk_problem_.empty() && !is_last_) chunk_problem_ = "a record in it is cut short or cannot be decoded";
       rest_ = {};
       end_chunk();
       return false;
@@ -269,12 +270,12 @@ class Ros1Bag final : public BagReader {
     if (is_last_) {
       ended_ = true;
       is_last_ = false;
-      chunk_flaw_.clear();
+      chunk_problem_.clear();
       return;
     }
-    if (!chunk_flaw_.empty()) {
-      const std::string flaw = std::exchange(chunk_flaw_, {});
-      file_.fail("a chunk is damaged: " + flaw, file_.place());
+    if (!chunk_problem_.empty()) {
+      const std::string problem = std::exchange(chunk_problem_, {});
+      file_.fail("a chunk is damaged: " + problem, file_.place());
     }
   }
 
@@ -328,7 +329,7 @@ class Ros1Bag final : public BagReader {
     }
     file_.source().rewind();
     rest_ = {};
-    chunk_flaw_.clear();
+    chunk_problem_.clear();
     ended_ = is_last_ = was_cut_ = is_looking_ = has_message_ = false;
     read_start();
   }
@@ -339,7 +340,7 @@ class Ros1Bag final : public BagReader {
   std::vector<bool> selected_;
   bool selects_ = false, ended_ = false, is_last_ = false, was_cut_ = false, is_looking_ = false;
   bool has_message_ = false;
-  std::string chunk_, packed_, chunk_flaw_;
+  std::string chunk_, packed_, chunk_problem_;
   std::string_view rest_;  // of chunk_
 };
 

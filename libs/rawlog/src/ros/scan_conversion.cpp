@@ -99,7 +99,7 @@ ConvertedScan to_scan(const LaserScanMessage& message, const Pose3& robot_from_s
     scan.setScanRange(ray, is_valid ? range : 0.0f);
     scan.setScanRangeValidity(ray, is_valid);
   }
-  converted.flaw = keep_sweep(message, scan);
+  converted.problem = keep_sweep(message, scan);
   return converted;
 }
 

@@ -20,7 +20,7 @@ mrpt::poses::CPose3D to_mrpt_pose(const Pose3& pose);
 
 struct ConvertedScan {
   std::shared_ptr<mrpt::obs::CObservation2DRangeScan> scan;  // null: cannot be used
-  std::string flaw;                                          // of a scan that is left out, or of what is not used of it
+  std::string problem;                                       // of a scan that is left out, or of what is not used of it
 };
 
 // MRPT's fans lie symmetrically about the x axis, so the pose turns by the middle of the angles. Rays keep their order.

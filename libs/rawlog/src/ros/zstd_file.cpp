@@ -26,8 +26,8 @@ void unpack_message(std::string_view data, std::uint64_t most_bytes, std::vector
   UnpackedChunk unpacked;
   if (data.substr(0, 4) == "\x28\xb5\x2f\xfd") {
     unpacked = unpack_zstd(data, static_cast<std::size_t>(most_bytes));
-    if (!unpacked.flaw.empty())
-      throw Error(ErrorCode::kCorrupt, "the message cannot be unpacked: " + unpacked.flaw, {},
+    if (!unpacked.problem.empty())
+      throw Error(ErrorCode::kCorrupt, "the message cannot be unpacked: " + unpacked.problem, {},
                   "copy the recording again, or map what precedes this with --keep-going");
     data = unpacked.bytes;
   }

@@ -287,7 +287,7 @@ LiveCloudCounts LiveCloud::counts() const {
     counts.again += link.wire->counts().again;
   }
   for (const auto& [name, edge] : state.edges) {
-    LiveCloudCounts::Edge& one = counts.edges.emplace_back();
+    LiveCloudCounts::EdgeCounts& one = counts.edges.emplace_back();
     one = {name,
            edge.taken,
            edge.stored,

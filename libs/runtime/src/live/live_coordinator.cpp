@@ -363,7 +363,7 @@ LiveCoordinatorCounts LiveCoordinator::counts(double now_s) const {
                             bytes.value, to_text(speed.known), to_text(bytes.known)});
   }
   for (const auto& [name, robot] : state.robots) {
-    LiveCoordinatorCounts::Robot& one = counts.robots.emplace_back();
+    LiveCoordinatorCounts::RobotCounts& one = counts.robots.emplace_back();
     one.id = name;
     one.at = robot.at;
     one.has_come = robot.has_come;

@@ -17,7 +17,7 @@ constexpr std::chrono::milliseconds kStep{20};
 constexpr std::size_t kMostLinks = 1000;
 constexpr char kEdge[] = "edge";
 
-std::unique_ptr<LiveMapServer> map_server_of(const TierId& edge, const LiveSite& site) {
+std::unique_ptr<LiveMapServer> camera_map_server_of(const TierId& edge, const LiveSite& site) {
   const RunConfiguration& configuration = site.configuration;
   if (!shares_cameras(configuration)) return nullptr;
   std::optional<std::filesystem::path> journal;
@@ -30,7 +30,7 @@ std::unique_ptr<LiveMapServer> map_server_of(const TierId& edge, const LiveSite&
                   journal->parent_path().string(), "name another folder in live.store");
   }
   auto server =
-      std::make_unique<LiveMapServer>(edge, configuration.server, configuration.fusion, site.options.map_server,
+      std::make_unique<LiveMapServer>(edge, configuration.server, configuration.fusion, site.options.camera_map_server,
                                       journal, shared_rig_options(configuration, site.plan, edge));
   server->refuse(site.plan.refused);
   return server;
@@ -60,7 +60,7 @@ LiveEdge::State::State(TierId id, const LiveSite& of, Connect connect)
     throw Error(ErrorCode::kBadInput, "no robot has the edge '" + edge.str() + "'", {},
                 "the edges of this configuration are: " + names);
   if (site.journal) journal.emplace(*site.journal);
-  cameras = map_server_of(edge, site);
+  cameras = camera_map_server_of(edge, site);
   for (auto& [name, robot] : robots) robot.record.robot = name;
   cloud.emplace(SessionId{{RobotId(edge.str()), SensorId(kEdge)}, began}, agreement, "the cloud", site.options.wire,
                 WireHooks{[](const Hello&) { return std::uint64_t{0}; },
@@ -390,7 +390,7 @@ LiveEdgeCounts LiveEdge::counts() const {
   }
   for (const auto& [name, robot] : state.robots) {
     if (!robot.is_member && !robot.session) continue;
-    LiveEdgeCounts::Robot& one = counts.robots.emplace_back();
+    LiveEdgeCounts::RobotCounts& one = counts.robots.emplace_back();
     one.id = name;
     one.taken = robot.taken;
     one.stored = robot.stored;

@@ -201,7 +201,7 @@ void LiveMapServer::State::veto(const Hash& judgement) {
   const auto saved = std::make_shared<std::promise<void>>();
   const std::future<void> is_saved = saved->get_future();
   const auto ended = [] {
-    return Error(ErrorCode::kBadInput, "the map server has ended", "a veto", "begin it again first");
+    return Error(ErrorCode::kBadInput, "the camera map server has ended", "a veto", "begin it again first");
   };
   if (has_ended()) throw ended();
   {

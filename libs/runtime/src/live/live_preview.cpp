@@ -54,7 +54,7 @@ std::optional<Pose3> part_from_own(const Map& own, const Map& part) {
 }
 
 // Of a robot's map.
-void add_start(const Map& own, LivePreview::Part& part) {
+void add_start(const Map& own, LivePreview::JointMap& part) {
   const auto pose = part_from_own(own, part.map);
   if (!pose) return;
   for (const auto& [robot, trajectory] : exporters::robot_trajectories(own))
@@ -67,7 +67,7 @@ std::shared_ptr<const LivePreview> preview_of(const tiers::RoundMerger& rounds, 
   auto preview = std::make_shared<LivePreview>();
   preview->number = number;
   for (const fusion::Component& component : rounds.result().components) {
-    LivePreview::Part& part = preview->parts.emplace_back();
+    LivePreview::JointMap& part = preview->parts.emplace_back();
     part.members = component.members;
     part.map.nodes = component.map.nodes;
     part.map.constraints = component.map.constraints;
@@ -90,7 +90,7 @@ std::map<RobotId, Stamp> newest_scans(const tiers::RoundMerger& rounds) {
 nlohmann::ordered_json preview_json(const LivePreview& preview, const std::vector<std::string>& robots,
                                     const fusion::ComposeOptions& options) {
   nlohmann::ordered_json maps = nlohmann::ordered_json::array();
-  for (const LivePreview::Part& part : preview.parts) {
+  for (const LivePreview::JointMap& part : preview.parts) {
     std::string title;
     for (const MapId& id : part.members) title += (title.empty() ? "" : " + ") + id.str();
     maps.push_back(report::live_map(title, part.map, drawn(part.map, options), robots));

@@ -66,7 +66,7 @@ struct LiveRobot::State {
   std::thread reader, speaker;
 
   State(const PlannedRobot& planned, const RunConfiguration& all, const LiveOptions& live, ConnectToEdge to_edge,
-        const ConnectCamera& to_map_server)
+        const ConnectCamera& to_camera_map_server)
       : robot(planned),
         configuration(configuration_of(all, planned)),
         connect(std::move(to_edge)),
@@ -75,9 +75,9 @@ struct LiveRobot::State {
         options(live),
         edge(planned.edge),
         agreement(agreement_of(all)) {
-    if (!shares_cameras(configuration) || planned.sensors.cameras.empty() || !to_map_server) return;
+    if (!shares_cameras(configuration) || planned.sensors.cameras.empty() || !to_camera_map_server) return;
     sharing.emplace(planned.id, configuration, live,
-                    [to_map_server, to = edge](int number) { return to_map_server(to, number); });
+                    [to_camera_map_server, to = edge](int number) { return to_camera_map_server(to, number); });
   }
   const Hash agreement;
 
@@ -360,8 +360,8 @@ void LiveRobot::State::speak() {
 }
 
 LiveRobot::LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-                     ConnectToEdge to_edge, ConnectCamera to_map_server)
-    : state_(new State(robot, configuration, options, std::move(to_edge), to_map_server)) {
+                     ConnectToEdge to_edge, ConnectCamera to_camera_map_server)
+    : state_(new State(robot, configuration, options, std::move(to_edge), to_camera_map_server)) {
   if (!robot.trouble && robot.sensors.scans == nullptr && robot.sensors.cameras.empty())
     throw Error(ErrorCode::kBadInput, "robot '" + robot.id.str() + "' maps with nothing", robot.log.string(),
                 "set sensor: to what its log holds");

@@ -52,7 +52,7 @@ Json link(const char* role, const std::string& name, bool is_on_wire, bool is_ne
           {"counts", std::move(counts)}};
 }
 
-// Of a way to the other end, where it was measured.
+// Of the link to the other end, where it was measured.
 Json measured(const std::optional<double>& bytes_per_s) {
   return bytes_per_s ? Json{{"bytes_per_second", *bytes_per_s}} : Json::object();
 }
@@ -120,7 +120,7 @@ void find_refused(Json& tier, std::uint64_t refused, std::uint64_t unreadable) {
          "give all programs the same version; its messages name the first one");
 }
 
-// Of a map server, and what is wrong with it.
+// Of a camera map server, and what is wrong with it.
 void add_cameras(Json& tier, const ServerCounts& server) {
   ClientCounts all;
   std::set<ClientId> cameras;
@@ -139,10 +139,11 @@ void add_cameras(Json& tier, const ServerCounts& server) {
   counts["camera_refused"] = all.refused;
   counts["camera_merges"] = server.merges;
   if (!server.trouble.empty())
-    find(tier, "error", "its map server: " + server.trouble, "it tries again; cameras map on without it meanwhile");
+    find(tier, "error", "its camera map server: " + server.trouble,
+         "it tries again; cameras map on without it meanwhile");
   for (const std::string& note : server.notes) find(tier, "warning", note, "the final map is made without it");
   if (all.refused > 0)
-    find(tier, "warning", "its map server refused " + std::to_string(all.refused) + " messages of cameras",
+    find(tier, "warning", "its camera map server refused " + std::to_string(all.refused) + " messages of cameras",
          "the robots' messages say why: another vocabulary (visual.vocabulary), another robot's camera, or too many");
 }
 
@@ -155,12 +156,12 @@ void add_sharing(Json& tier, const LiveRobotCounts::Sharing& sharing, const std:
   counts["shared_keyframes"] = sharing.shared_keyframes;
   counts["borrowed_landmarks"] = sharing.borrowed;
   if (!sharing.refusal.empty())
-    find(tier, "warning", "the map server of edge " + edge + " refuses: " + sharing.refusal,
+    find(tier, "warning", "the camera map server of edge " + edge + " refuses: " + sharing.refusal,
          "the message says what is wrong; the camera maps alone");
   else if (is_driving && sharing.on_wire < sharing.cameras)
     find(tier, "warning",
          std::to_string(sharing.cameras - sharing.on_wire) + " of its " + std::to_string(sharing.cameras) +
-             " cameras have no answer of edge " + edge + "'s map server",
+             " cameras have no answer of edge " + edge + "'s camera map server",
          "they map alone, and share again once it answers");
 }
 
@@ -186,7 +187,7 @@ Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
   status["joint"] = joint_json(counts.joint);
   status["newest_scan_s"] = seconds_json(counts.newest_scans);
   status["apart"] = counts.apart;
-  for (const LiveCloudCounts::Edge& edge : counts.edges) {
+  for (const LiveCloudCounts::EdgeCounts& edge : counts.edges) {
     status["links"].push_back(link("edge", edge.id.str(), edge.is_on_wire, edge.is_needed && !edge.has_fused,
                                    edge.silent_s,
                                    {{"taken", edge.taken}, {"stored", edge.stored}, {"begun", edge.runs}}));
@@ -211,9 +212,9 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
   status["joint"] = joint_json(counts.joint);
   status["newest_scan_s"] = seconds_json(counts.newest_scans);
   status["ended"] = Json::array();
-  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+  for (const LiveEdgeCounts::RobotCounts& robot : counts.robots)
     if (robot.has_ended) status["ended"].push_back(robot.id.str());
-  for (const LiveEdgeCounts::Robot& robot : counts.robots) {
+  for (const LiveEdgeCounts::RobotCounts& robot : counts.robots) {
     status["links"].push_back(link("robot", robot.id.str(), robot.is_on_wire, robot.is_member && !robot.has_said_all,
                                    robot.silent_s,
                                    {{"taken", robot.taken},
@@ -232,12 +233,12 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
   if (counts.cameras) add_cameras(status, *counts.cameras);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);
-  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+  for (const LiveEdgeCounts::RobotCounts& robot : counts.robots)
     if (robot.begun_soon >= 2)
       find(status, "warning",
            "robot " + robot.id.str() + " has begun " + std::to_string(robot.begun) + " times, the last ones in a row",
            "look whether two programs run with its name, and whether its network is cut again and again");
-  for (const LiveEdgeCounts::Robot& robot : counts.robots)
+  for (const LiveEdgeCounts::RobotCounts& robot : counts.robots)
     if (robot.lost_scans > 0)
       find(status, "warning",
            "robot " + robot.id.str() + " had no room for " + std::to_string(robot.lost_scans) + " scans",
@@ -288,7 +289,7 @@ const char* state_of(const LivePlan& plan) {
 }
 
 void find_unplaced(Json& status, const LiveCoordinatorCounts& counts, const StatusTerms& terms) {
-  for (const LiveCoordinatorCounts::Robot& robot : counts.robots) {
+  for (const LiveCoordinatorCounts::RobotCounts& robot : counts.robots) {
     const std::string who = "robot " + robot.id.str();
     if (robot.has_come && robot.edge.empty())
       find(status, "error", "no edge has room for " + who, "raise an edge's capacity, or start another edge");
@@ -312,7 +313,7 @@ Json tier_status(const LiveCoordinatorCounts& counts, const StatusTerms& terms) 
                       {"expected_seconds", counts.expected_s}};
   add_plan(status, counts.plan.number);
   status["groups"] = Json::object();
-  for (const LiveCoordinatorCounts::Edge& edge : counts.edges) {
+  for (const LiveCoordinatorCounts::EdgeCounts& edge : counts.edges) {
     Json& group = status["groups"][edge.id.str()] = Json::array();
     for (const RobotId& robot : edge.robots) group.push_back(robot.str());
     Json one = link("edge", edge.id.str(), edge.is_there, !is_done && !edge.robots.empty(), edge.silent_s,
@@ -321,7 +322,7 @@ Json tier_status(const LiveCoordinatorCounts& counts, const StatusTerms& terms) 
     one["bytes_per_second_is"] = edge.bytes_are;
     status["links"].push_back(std::move(one));
   }
-  for (const LiveCoordinatorCounts::Robot& robot : counts.robots) {
+  for (const LiveCoordinatorCounts::RobotCounts& robot : counts.robots) {
     Json one = link("robot", robot.id.str(), robot.has_come, !robot.has_ended, robot.silent_s,
                     {{"scans", robot.scans}, {"queue_bytes", robot.queue_bytes}});
     one["edge"] = robot.edge.str();

@@ -204,7 +204,8 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
 }
 
 NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience)
-    : camera_queue_bytes_(static_cast<std::size_t>(live.map_server.queue_kb) << 10), edges_(configuration.edges) {
+    : camera_queue_bytes_(static_cast<std::size_t>(live.camera_map_server.queue_kb) << 10),
+      edges_(configuration.edges) {
   transport::NatsOptions options;
   const std::string broker = live.broker_url();
   if (live.is_over_ros())
@@ -240,7 +241,7 @@ Connect NatsWires::at_edge(const RobotId& robot, const TierId& edge) const {
 Connect NatsWires::from_camera(const RobotId& robot, int number, const TierId& edge) const {
   return of_camera(robot, number, edge, transport::NatsChannelSide::opens);
 }
-Connect NatsWires::at_map_server(const RobotId& robot, int number, const TierId& edge) const {
+Connect NatsWires::at_camera_map_server(const RobotId& robot, int number, const TierId& edge) const {
   return of_camera(robot, number, edge, transport::NatsChannelSide::accepts);
 }
 Connect NatsWires::of_camera(const RobotId& robot, int number, const TierId& edge,

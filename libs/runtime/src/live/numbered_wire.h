@@ -84,7 +84,7 @@ class NumberedWire {
   void step(Clock::time_point now, bool holds);
 
   WireCounts counts() const { return counts_; }
-  // What the way to the other end carried when it was measured last.
+  // What the link to the other end carried when it was measured last.
   const std::optional<double>& bytes_per_s() const { return bytes_per_s_; }
   // Of the channel that it uses now.
   transport::Channel::Health health() const {

@@ -64,7 +64,7 @@ void SharingCameras::finish(const CameraTask::Client& client, const std::atomic<
     if (seconds_from(said) < patience_s_) continue;
     said = Clock::now();
     log(LogLevel::warning, "robot " + robot_.str() + ": camera '" + client.place.client.sensor.str() +
-                               "' has forgotten keyframes that its edge's map server keeps, and waits for them");
+                               "' has forgotten keyframes that its edge's camera map server keeps, and waits for them");
   }
   *client.kept = link.take_kept();
 }
@@ -78,9 +78,9 @@ std::vector<std::string> SharingCameras::notes() const {
       notes.push_back(who + " mapped alone: " + std::to_string(kMostSharingCameras) +
                       " cameras of a robot share while they drive");
     else if (!link.refusal().empty())
-      notes.push_back(who + " shared not all that it could: its edge's map server refused: " + link.refusal());
+      notes.push_back(who + " shared not all that it could: its edge's camera map server refused: " + link.refusal());
     else if (link.agent().sent_bytes() == 0)
-      notes.push_back(who + " mapped alone: its edge's map server did not answer while it drove");
+      notes.push_back(who + " mapped alone: its edge's camera map server did not answer while it drove");
   }
   return notes;
 }

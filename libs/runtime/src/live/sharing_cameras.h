@@ -1,6 +1,6 @@
 #pragma once
 // The cameras of a robot that maps on board and shares while it drives (server.share): each on a wire of its own to its
-// edge's map server.
+// edge's camera map server.
 
 #include <mapweave/runtime/camera_link.h>
 #include <mapweave/runtime/camera_task.h>

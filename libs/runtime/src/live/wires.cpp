@@ -44,7 +44,8 @@ void CameraWires::keep() {
     if (looks) {
       const std::size_t wanted = std::min(server_.cameras_of(id) + 1, kMostSharingCameras);
       for (; robot.count < wanted; ++robot.count)
-        robot.wires.add(std::to_string(robot.count), wires_.at_map_server(id, static_cast<int>(robot.count), edge_));
+        robot.wires.add(std::to_string(robot.count),
+                        wires_.at_camera_map_server(id, static_cast<int>(robot.count), edge_));
     }
     robot.wires.keep();
   }

@@ -19,7 +19,7 @@ inline double planned_bytes_per_s(const transport::LinkState& wire) {
   return wire.bytes_per_s > 0.0 ? wire.bytes_per_s * (1.0 - wire.loss) : kAnyBytesPerS;
 }
 
-// As the configuration has them at the beginning: an edge with its way to the cloud, a robot's way to an edge.
+// As the configuration has them at the beginning: an edge with its link to the cloud, a robot's link to an edge.
 scheduling::EdgeResources planned_edge(const EdgeEntry& entry, const RunConfiguration&, const NetworkOptions&);
 scheduling::RobotLink planned_link(const RobotId& robot, const TierId& edge, const NetworkOptions&);
 

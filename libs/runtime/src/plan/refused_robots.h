@@ -9,9 +9,9 @@
 
 namespace mapweave::runtime {
 
-// The pairs of team.refuse, of planned robots: parts of a log each for itself, the lower id first. Throws Error, saying
-// where it stands: kBadInput for what is no pair, names a robot that is none of these, or one robot twice; kUsage for
-// the same of the command line.
+// Reads pairs of planned robots from team.refuse; parts of one robot's log count each. The lower id stands first.
+// Throws Error that says where the pair stands: kBadInput where it is no pair, names a robot that is not planned, or
+// names one robot twice; kUsage for the same mistakes on the command line.
 std::set<std::pair<RobotId, RobotId>> refused_robots(const std::vector<std::string>& pairs,
                                                      const std::vector<PlannedRobot>& robots, const Origins& origins);
 

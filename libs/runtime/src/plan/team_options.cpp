@@ -29,7 +29,7 @@ Robots perhaps_with_cameras(const RunPlan& plan, const TierId& edge) {
   });
 }
 
-// As the map server uses them: each robot's own trajectory is averaged without it.
+// As the camera map server uses them: each robot's own trajectory is averaged without it.
 std::string rig_text(const RunConfiguration& configuration) {
   rig::RigOptions rig = configuration.rig;
   rig.trajectory = {};

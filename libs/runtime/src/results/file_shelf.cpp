@@ -13,7 +13,7 @@ namespace mapweave::runtime {
 namespace {
 
 Error cannot_write(const std::filesystem::path& folder, int problem) {
-  std::string what = "cannot write what a map server keeps: " + std::string(std::strerror(problem));
+  std::string what = "cannot write what a camera map server keeps: " + std::string(std::strerror(problem));
   std::error_code unknown;
   const auto space = std::filesystem::space(folder, unknown);
   if (problem == ENOSPC && !unknown) what += " (" + std::to_string(space.available) + " bytes free)";
@@ -63,7 +63,7 @@ std::string FileShelf::get(std::uint64_t number) const {
         ::pread(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(place.begin + done));
     if (count < 0 && errno == EINTR) continue;
     if (count <= 0)
-      throw Error(ErrorCode::kCorrupt, "what a map server keeps cannot be read again", folder_.string(),
+      throw Error(ErrorCode::kCorrupt, "what a camera map server keeps cannot be read again", folder_.string(),
                   "look at the disk");
     done += static_cast<std::size_t>(count);
   }

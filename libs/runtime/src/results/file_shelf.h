@@ -1,5 +1,5 @@
 #pragma once
-// What a map server does not hold in memory, in a file without a name: it vanishes with the process.
+// What a camera map server does not hold in memory, in a file without a name: it vanishes with the process.
 
 #include <mapweave/tiers/shelf.h>
 

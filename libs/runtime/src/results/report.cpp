@@ -63,7 +63,7 @@ Json covariance(const Alignment& a_from_b) {
 
 Json hypothesis_json(const PairHypothesis& hypothesis) {
   Json contradictions = Json::array();
-  for (const PairHypothesis::Place& place : hypothesis.contradictions)
+  for (const PairHypothesis::ContradictedWall& place : hypothesis.contradictions)
     contradictions.push_back({{"x_m", place.x_m}, {"y_m", place.y_m}, {"length_m", place.length_m}});
   return {{"sense", to_text(hypothesis.sense)},
           {"b_from_a", b_from_a_with_scale(hypothesis.a_from_b)},

@@ -10,7 +10,7 @@ namespace mapweave::runtime {
 namespace subject = tiers::subject;
 namespace {
 
-constexpr char kServer[] = "the map server";
+constexpr char kServer[] = "the camera map server";
 constexpr double kSilences = 5.0;
 
 }  // namespace
@@ -87,7 +87,7 @@ bool CameraLink::send(transport::Envelope message) {
 }
 
 void CameraLink::refused(const std::string& why) {
-  if (refusal_ != why) log(LogLevel::warning, "the map server refuses: " + why);
+  if (refusal_ != why) log(LogLevel::warning, "the camera map server refuses: " + why);
   refusal_ = why;
 }
 
@@ -95,10 +95,10 @@ void CameraLink::note_lost(std::size_t forgotten) {
   if (forgotten == 0) return;
   log(LogLevel::warning,
       "camera " + place_.client.robot.str() + "." + place_.client.sensor.str() +
-          ": the map server lacks what the one before had; the camera publishes its map again, but " +
+          ": the camera map server lacks what the one before had; the camera publishes its map again, but " +
           std::to_string(forgotten) +
           " keyframes that it had no room for (visual.memory.keyframes) were on that server alone; "
-          "begin the map server with that one's journal, or give the camera more room");
+          "begin the camera map server with that one's journal, or give the camera more room");
 }
 
 void CameraLink::take_next_channel() {

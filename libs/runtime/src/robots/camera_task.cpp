@@ -196,8 +196,9 @@ std::optional<std::string> note_on_forgetting(const PlannedRobot& robot, const C
   const std::string begin = "robot " + robot.id.str() + ": camera '" + report.label + "' had room for " +
                             std::to_string(most) + " keyframes (visual.memory.keyframes) and forgot " +
                             std::to_string(report.forgotten);
-  if (!has_server) return begin + ": its map lacks them; allow more, or share with a map server (server.share=view)";
-  return begin + "; its map server kept " + std::to_string(report.kept) + " of them, which the map holds";
+  if (!has_server)
+    return begin + ": its map lacks them; allow more, or share with a camera map server (server.share=view)";
+  return begin + "; its camera map server kept " + std::to_string(report.kept) + " of them, which the map holds";
 }
 
 // That it had no room for all that others shared; nothing where it had.

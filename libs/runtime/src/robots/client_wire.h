@@ -1,5 +1,5 @@
 #pragma once
-// One client of a live map server: its channel, and what came over it and waits to be handled.
+// One client of a live camera map server: its channel, and what came over it and waits to be handled.
 
 #include <mapweave/runtime/live_map_server.h>
 

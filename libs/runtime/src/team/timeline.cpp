@@ -91,7 +91,7 @@ void Replay::map(const RobotWork& robot) {
   const double robot_speed = options_.processors.robot_speed();
   const std::string id = robot.id.str(), edge = robot.edge.str();
   const bool is_alone = edge.empty() || options_.mode == Mode::cloud_only;
-  Timeline::Robot line{robot.id, robot.edge};
+  Timeline::RobotTimes line{robot.id, robot.edge};
   double busy_s = 0.0;
   if (options_.mode == Mode::offload && !is_alone) {
     line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / robot_speed;
@@ -124,7 +124,7 @@ void Replay::send_maps_on() {
 }
 
 void Replay::fuse(const EdgeWork& edge) {
-  Timeline::Edge line{edge.id, ready_s_[edge.id]};
+  Timeline::EdgeTimes line{edge.id, ready_s_[edge.id]};
   line.fused_s = line.ready_s + edge.fusing_s / speed_of(edge.id);
   if (edge.id.str() == cloud_)
     line.arrived_s = free_s_ = line.fused_s;
@@ -142,7 +142,7 @@ void Replay::judge_on_edges() {
   judged_s_ = std::max(received_s_, planned_s);
   for (std::size_t i = 0; i < work_.edges.size(); ++i) {
     const EdgeWork& edge = work_.edges[i];
-    Timeline::Edge& line = result_.edges[i];
+    Timeline::EdgeTimes& line = result_.edges[i];
     if (edge.judging_s == 0.0 && edge.sent_bytes == 0) continue;
     const bool is_here = edge.id.str() == cloud_;
     const double sent_s =
@@ -170,7 +170,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
   static constexpr const char* kModes[] = {"offload", "onboard", "cloud-only"};
   Json robots = Json::array(), edges = Json::array(), pushes = Json::array(), overlaps = Json::array();
   for (std::size_t i = 0; i < timeline.robots.size(); ++i) {
-    const Timeline::Robot& line = timeline.robots[i];
+    const Timeline::RobotTimes& line = timeline.robots[i];
     const RobotWork& done = work.robots.at(i);
     robots.push_back({{"id", line.id.str()},
                       {"edge", line.edge.str()},
@@ -188,7 +188,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                       {"load", line.load}});
   }
   for (std::size_t i = 0; i < timeline.edges.size(); ++i) {
-    const Timeline::Edge& line = timeline.edges[i];
+    const Timeline::EdgeTimes& line = timeline.edges[i];
     edges.push_back({{"id", line.id.str()},
                      {"fusing_cpu_seconds", work.edges.at(i).fusing_s},
                      {"bytes", work.edges.at(i).bytes},

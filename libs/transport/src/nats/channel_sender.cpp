@@ -77,7 +77,7 @@ void ChannelSender::begin(Outgoing& message, std::size_t priority, std::uint64_t
   message.parts.resize(message.message->header().parts);
 }
 
-std::optional<ChannelSender::Part> ChannelSender::next(double now_s) {
+std::optional<ChannelSender::MessagePart> ChannelSender::next(double now_s) {
   if (session_ == 0) return std::nullopt;
   if (!flying_.empty() && flying_bytes_ >= window()) return std::nullopt;
   for (std::size_t priority = 0; priority < classes_.size(); ++priority)
@@ -86,7 +86,7 @@ std::optional<ChannelSender::Part> ChannelSender::next(double now_s) {
   return std::nullopt;
 }
 
-std::optional<ChannelSender::Part> ChannelSender::next_of(std::size_t priority, double now_s) {
+std::optional<ChannelSender::MessagePart> ChannelSender::next_of(std::size_t priority, double now_s) {
   Class& one = classes_[priority];
   for (one.first_due = std::max(one.first_due, one.first); one.first_due < one.first + one.messages.size();
        ++one.first_due) {
@@ -96,7 +96,7 @@ std::optional<ChannelSender::Part> ChannelSender::next_of(std::size_t priority, 
     for (std::uint32_t index = 0; index < message.parts.size(); ++index) {
       PartProgress& progress = message.parts[index];
       if (progress.state != PartState::due) continue;
-      Part part;
+      MessagePart part;
       part.token = ++tokens_;
       part.priority = priority;
       part.bytes = message.message->part(index);

@@ -305,7 +305,7 @@ void NatsChannel::State::ensure_consumers(const std::vector<std::size_t>& priori
 
 void NatsChannel::State::publish() {
   for (;;) {
-    std::optional<ChannelSender::Part> part;
+    std::optional<ChannelSender::MessagePart> part;
     {
       const std::lock_guard lock(mutex);
       unconfirmed_parts += sender.expire(now_s());

@@ -183,7 +183,7 @@ void DirectChannel::State::say_note() {
 
 // False: nothing is due.
 bool DirectChannel::State::send_parts() {
-  std::optional<ChannelSender::Part> part;
+  std::optional<ChannelSender::MessagePart> part;
   {
     const std::lock_guard lock(mutex);
     unconfirmed_parts += sender.expire(now_s());

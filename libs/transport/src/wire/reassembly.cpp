@@ -104,12 +104,12 @@ std::optional<WireRefusal> Reassembly::keep(Sender& sender, const WirePart& part
   const std::size_t cost = part.bytes.size() + kKeepingBytes;
   if (!make_room(sender, key, cost, result.given_up)) return WireRefusal::too_long;
   if (is_new) {
-    one = sender.waiting.emplace(key, Waiting()).first;
+    one = sender.waiting.emplace(key, IncompleteMessage()).first;
     one->second.header = part.header;
     one->second.envelope = {part.subject, {}, part.sender, part.sequence, part.last_counts};
   }
-  Waiting& waiting = one->second;
-  waiting.parts.insert_or_assign(part.part, Part{std::string(part.bytes), std::move(tag)});
+  IncompleteMessage& waiting = one->second;
+  waiting.parts.insert_or_assign(part.part, ReceivedPart{std::string(part.bytes), std::move(tag)});
   waiting.bytes += part.bytes.size();
   waiting.cost += cost;
   waiting.last_s = sender.last_s;
@@ -149,7 +149,8 @@ bool Reassembly::make_room(Sender& sender, const Key& keep, std::size_t cost, st
   return true;
 }
 
-void Reassembly::drop(Sender& sender, std::map<Key, Waiting>::iterator one, std::vector<std::string>& given_up) {
+void Reassembly::drop(Sender& sender, std::map<Key, IncompleteMessage>::iterator one,
+                      std::vector<std::string>& given_up) {
   for (auto& [index, part] : one->second.parts) given_up.push_back(std::move(part.tag));
   sender.cost -= one->second.cost;
   waiting_bytes_ -= one->second.cost;

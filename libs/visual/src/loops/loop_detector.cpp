@@ -149,15 +149,15 @@ std::optional<FoundLoop> VisualLoopDetector::look(LandmarkMap& map, int newest, 
     claims_.push_back(claim);
     const Departure off = departure_of(map, *loop);
     const Allowed answer = allowed(off, repeats_m_);
-    const Witnesses lately = witnesses_of(claim, now - std::min(now, kMemory));
-    const bool is_sure = lately.agree >= options_.loops.witnesses;
+    const Agreement lately = agreement_with(claim, now - std::min(now, kMemory));
+    const bool is_sure = lately.agree >= options_.loops.agreeing_keyframes;
     if (claim.session == claim.earlier_session) {
       const double moved_m = (claim.correction * claim.centre - claim.centre).norm();
       if (is_sure && answer == Allowed::no && moved_m > 2.0 * off.reach_m) repeats_m_ = std::min(repeats_m_, moved_m);
       if (answer != Allowed::yes) continue;
       if (!is_sure) return std::nullopt;
     } else {
-      const Witnesses all = witnesses_of(claim, 0);
+      const Agreement all = agreement_with(claim, 0);
       repeats_m_ = std::min(repeats_m_, all.rival_m);
       const bool is_unique = std::isinf(repeats_m_) && all.extent_m >= 2.0 * options_.session.alike_m;
       if (!is_sure || !(answer == Allowed::yes || is_unique)) continue;
@@ -168,8 +168,8 @@ std::optional<FoundLoop> VisualLoopDetector::look(LandmarkMap& map, int newest, 
   return std::nullopt;
 }
 
-VisualLoopDetector::Witnesses VisualLoopDetector::witnesses_of(const Claim& claim, std::uint32_t serial) const {
-  Witnesses result;
+VisualLoopDetector::Agreement VisualLoopDetector::agreement_with(const Claim& claim, std::uint32_t serial) const {
+  Agreement result;
   std::vector<double> rivals_m;
   std::optional<std::uint32_t> last;  // a keyframe speaks once
   for (const Claim& other : claims_) {
@@ -188,7 +188,7 @@ VisualLoopDetector::Witnesses VisualLoopDetector::witnesses_of(const Claim& clai
     }
   }
   std::sort(rivals_m.begin(), rivals_m.end());
-  const auto several = static_cast<std::size_t>(options_.loops.witnesses);
+  const auto several = static_cast<std::size_t>(options_.loops.agreeing_keyframes);
   if (rivals_m.size() >= several) result.rival_m = rivals_m.front();
   return result;
 }

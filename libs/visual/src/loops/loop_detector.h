@@ -41,7 +41,7 @@ class VisualLoopDetector {
   void remove(int keyframe);
   // Keyframes that look most like these features.
   std::vector<int> alike(const matching::OrbFeatures& features, std::size_t most) const;
-  // For each new keyframe, once; it must have been added. Answers where the last of several witnesses speaks.
+  // For each new keyframe, once; it must have been added. Answers once enough keyframes agree on the loop closure.
   std::optional<FoundLoop> look(LandmarkMap& map, int newest, const Pyramid& picture, const Motion& motion);
   // The least distance of two places that look the same, as far as is known; infinite where all that was seen is
   // unique.
@@ -58,13 +58,13 @@ class VisualLoopDetector {
       return correction * centre + scale * (correction * point - correction * centre);
     }
   };
-  // Claims by keyframes since `serial`, of the same sessions.
-  struct Witnesses {
+  // What the claims of keyframes since `serial`, of the same sessions, say of one claim.
+  struct Agreement {
     int agree = 0;
     double extent_m = 0.0;       // of where those stood that agree
     double rival_m = kUnique_m;  // how far off, at least, several others place the camera
   };
-  Witnesses witnesses_of(const Claim& claim, std::uint32_t serial) const;
+  Agreement agreement_with(const Claim& claim, std::uint32_t serial) const;
   Departure departure_of(const LandmarkMap& map, const FoundLoop& loop) const;
   std::optional<FoundLoop> compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
                                    const Motion& motion);

@@ -17,7 +17,7 @@ constexpr double kWeakEdge = 10.0;  // landmarks that neighbours in time count a
 // A turn by this much moves what is seen as much as a step of a metre does.
 constexpr double kTurnPerMetre = 0.3;
 
-bool sees(const Landmark& landmark, int keyframe) {
+bool sees(const ClientLandmark& landmark, int keyframe) {
   return std::any_of(landmark.seen.begin(), landmark.seen.end(),
                      [&](const Observation& o) { return o.keyframe == keyframe; });
 }
@@ -43,7 +43,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   std::vector<const Match*> in_loop(map.landmarks.size(), nullptr);
   for (const Match& match : loop_.matches) in_loop[static_cast<std::size_t>(match.landmark)] = &match;
   for (int id = 0; id < static_cast<int>(map.landmarks.size()); ++id) {
-    const Landmark& landmark = map.landmark(id);
+    const ClientLandmark& landmark = map.landmark(id);
     if (landmark.gone || landmark.borrowed || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0)
       continue;
     const std::size_t point = landmarks_.size();
@@ -204,7 +204,7 @@ std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
   }
   auto scales = move_keyframes(map, map.keyframe(keyframes_.front().slot).session, motions);
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-    Landmark& landmark = map.landmark(landmarks_[i].slot);
+    ClientLandmark& landmark = map.landmark(landmarks_[i].slot);
     if (!landmark.gone && landmark.serial == landmarks_[i].serial) landmark.point = bundle_.points[i];
   }
   return scales;
@@ -253,7 +253,7 @@ std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vec
     map.keyframes[here].view =
         stretched(before[here] * before[last].inverse(), scales[last]) * map.keyframes[last].view;
   }
-  for (Landmark& landmark : map.landmarks) {
+  for (ClientLandmark& landmark : map.landmarks) {
     if (landmark.gone || landmark.borrowed || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
     const auto anchor = static_cast<std::size_t>(landmark.seen.front().keyframe);
     landmark.point = map.keyframes[anchor].view.inverse() * (scales[anchor] * (before[anchor] * landmark.point));
@@ -270,7 +270,7 @@ void stretch(LandmarkMap& map, const std::vector<double>& scale_of_keyframe) {
     for (AnchoredFrame& frame : map.keyframes[i].frames) frame.centre *= scale;
     for (ForgottenKeyframe& one : map.keyframes[i].forgotten) one.place.centre *= scale;
   }
-  for (Landmark& landmark : map.landmarks) {
+  for (ClientLandmark& landmark : map.landmarks) {
     for (Observation& o : landmark.seen) {
       o.sighting.inverse_depth /= scale_of(o.keyframe);
       o.sighting.inverse_depth_sigma /= scale_of(o.keyframe);
@@ -289,7 +289,7 @@ void see_matches(LandmarkMap& map, const FoundLoop& loop, double sigma_px) {
   if (newest.gone || newest.serial != loop.serial) return;
   for (std::size_t i = 0; i < loop.matches.size(); ++i) {
     const Match& match = loop.matches[i];
-    const Landmark& landmark = map.landmark(match.landmark);
+    const ClientLandmark& landmark = map.landmark(match.landmark);
     if (!landmark.gone && landmark.serial == loop.serials[i] && !sees(landmark, loop.newest))
       map.see(match.landmark, {loop.newest, map.sighting_of(match, sigma_px)});
   }
@@ -302,7 +302,7 @@ void join_sessions(LandmarkMap& map, FoundLoop& loop) {
   // One camera in both maps, and how its scale grows.
   const View from = moved == here ? newest : loop.view, to = moved == here ? loop.view : newest;
   const double scale = moved == here ? loop.scale : 1.0 / loop.scale;
-  for (Landmark& landmark : map.landmarks)
+  for (ClientLandmark& landmark : map.landmarks)
     if (!landmark.gone && !landmark.borrowed && map.keyframe(landmark.seen.front().keyframe).session == moved)
       landmark.point = to.inverse() * (scale * (from * landmark.point));
   std::vector<double> scales(map.keyframes.size(), 1.0);

@@ -64,7 +64,7 @@ std::optional<FoundLoop> SharedLoopDetector::look(const LandmarkMap& map, const 
     if ((correction * centre - centre).norm() < kStands_m && angle_of(correction) < kStands_rad) return std::nullopt;
     if (!could_lead(map, *loop, place->anchor, repeats_m)) continue;
     claims_.push_back({keyframe.serial, keyframe.session, correction, centre, loop->scale});
-    if (witnesses_of(claims_.back()) < options_.loops.witnesses) return std::nullopt;
+    if (agreeing_with(claims_.back()) < options_.loops.agreeing_keyframes) return std::nullopt;
     claims_.clear();
     return loop;
   }
@@ -85,7 +85,7 @@ bool SharedLoopDetector::could_lead(const LandmarkMap& map, const FoundLoop& loo
 }
 
 // Keyframes that say the same, each once.
-int SharedLoopDetector::witnesses_of(const Claim& claim) const {
+int SharedLoopDetector::agreeing_with(const Claim& claim) const {
   int agree = 0;
   std::optional<std::uint32_t> last;
   for (const Claim& other : claims_) {

@@ -27,7 +27,7 @@ class SharedLoopDetector {
   std::optional<FoundLoop> compare(const LandmarkMap& map, const SharedKeyframes& shared, const SharedPlace& place,
                                    int newest, const Pyramid& picture) const;
   bool could_lead(const LandmarkMap& map, const FoundLoop& loop, std::uint32_t anchor, double repeats_m) const;
-  int witnesses_of(const Claim& claim) const;
+  int agreeing_with(const Claim& claim) const;
 
   ClientOptions options_;
   std::deque<Claim> claims_;

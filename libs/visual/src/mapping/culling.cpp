@@ -39,12 +39,12 @@ bool may_go(const LandmarkMap& map, int number, int newest) {
 
 void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options) {
   const std::uint32_t now = map.keyframe(newest).serial;
-  const auto rarely_found = [&](const Landmark& landmark) {
+  const auto rarely_found = [&](const ClientLandmark& landmark) {
     return landmark.tried >= kLeastTries && landmark.found < options.found_share * landmark.tried;
   };
   auto kept = map.recent_landmarks.begin();
   for (const auto& [id, made] : map.recent_landmarks) {
-    const Landmark& landmark = map.landmark(id);
+    const ClientLandmark& landmark = map.landmark(id);
     const bool grown = now >= made + kProbation, old = now >= made + kPatience;
     if (landmark.gone) continue;
     const bool alone = landmark.seen.size() < 2;
@@ -147,7 +147,7 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
     for (int id : listed) {
       if (known[static_cast<std::size_t>(id)]) continue;
       known[static_cast<std::size_t>(id)] = 1;
-      const Landmark& landmark = map.landmark(id);
+      const ClientLandmark& landmark = map.landmark(id);
       const Eigen::Vector3d p = view * landmark.point;
       if (p.z() < 0.1 || landmark.borrowed) continue;
       const Eigen::Vector2d pixel = map.camera.project(p);

@@ -18,8 +18,8 @@ namespace {
 constexpr double kSameDirection = 0.94, kSameRange = 1.55;
 
 // Keeps how the landmark looks from here where it has not been seen from about here.
-void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& picture, const Match& match, const View& view,
-                     int keyframe) {
+void keep_appearance(LandmarkMap& map, ClientLandmark& landmark, const Pyramid& picture, const Match& match,
+                     const View& view, int keyframe) {
   const Eigen::Vector3d ray = landmark.point - view.centre();
   for (const Appearance& appearance : landmark.appearances) {
     const Eigen::Vector3d other = landmark.point - map.view_of(appearance).centre();
@@ -121,7 +121,7 @@ int add_feature_keyframe(LandmarkMap& map, const PosedFrame& posed, std::vector<
   const int number = map.add(std::move(made));
   std::vector<char> taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) {
-    const Landmark& landmark = map.landmark(match.landmark);
+    const ClientLandmark& landmark = map.landmark(match.landmark);
     Sighting seen = sighting(match.feature);
     if (landmark.borrowed)
       map.widen(seen, landmark, (view * landmark.point).z());
@@ -134,7 +134,7 @@ int add_feature_keyframe(LandmarkMap& map, const PosedFrame& posed, std::vector<
     const double inverse_depth = features.inverse_depth(feature) - map.calibration.inverse_depth_offset;
     if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3))
       continue;
-    Landmark landmark;
+    ClientLandmark landmark;
     landmark.point = map_from_camera * (map.camera.ray(features.pixel(feature)) / inverse_depth);
     landmark.descriptor = features.features().descriptors[static_cast<std::size_t>(feature)];
     const int id = map.add(std::move(landmark));
@@ -156,7 +156,7 @@ int add_keyframe(LandmarkMap& map, const PosedFrame& posed, const std::vector<Ei
   const int number = map.add(keyframe_of(posed));
   std::vector<Eigen::Vector2d> occupied;
   for (const Match& match : matches) {
-    Landmark& landmark = map.landmark(match.landmark);
+    ClientLandmark& landmark = map.landmark(match.landmark);
     const auto depth = meter.at(match.pixel, match.level, (view * landmark.point).z());
     Sighting sighting = sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px);
     if (landmark.borrowed)
@@ -195,7 +195,7 @@ int add_keyframe(LandmarkMap& map, const PosedFrame& posed, const std::vector<Ei
     const double inverse_depth = depth->inverse_depth - map.calibration.inverse_depth_offset;
     if (inverse_depth < 1e-3) continue;
     const Eigen::Vector2d flow = row_flow(map.camera, motion, corner.pixel, 1.0 / inverse_depth);
-    Landmark landmark;
+    ClientLandmark landmark;
     landmark.point =
         map_from_camera * (map.camera.ray(corner.pixel - map.calibration.readout_s * flow) / inverse_depth);
     landmark.appearances.push_back({*patch, corner.pixel, number, View()});

@@ -43,7 +43,7 @@ View frame_from_keyframe(const AnchoredFrame& frame) {
   return view_of(pose);
 }
 
-Eigen::Vector2d LandmarkMap::slack_of(const Landmark& seen, const View& view) const {
+Eigen::Vector2d LandmarkMap::slack_of(const ClientLandmark& seen, const View& view) const {
   constexpr double kStep = 0.01;  // of the distance, for a derivative by differences
   const Eigen::Vector3d from_first = seen.point - keyframe(seen.seen.front().keyframe).view.centre();
   const Eigen::Vector3d here = view * seen.point, there = here + kStep * (view.rotation * from_first);
@@ -51,7 +51,7 @@ Eigen::Vector2d LandmarkMap::slack_of(const Landmark& seen, const View& view) co
   return seen.share_unknown / kStep * (camera.project(there) - camera.project(here));
 }
 
-void LandmarkMap::widen(Sighting& sighting, const Landmark& seen, double depth_m) const {
+void LandmarkMap::widen(Sighting& sighting, const ClientLandmark& seen, double depth_m) const {
   const double depth = std::max(depth_m, 0.1), away = seen.borrowed->sigma_m / depth;
   sighting.sigma_px =
       std::sqrt(sighting.sigma_px * sighting.sigma_px + seen.borrowed->sigma_px * seen.borrowed->sigma_px +
@@ -65,7 +65,7 @@ int LandmarkMap::add(Keyframe keyframe) {
   return put(keyframes, free_keyframes, std::move(keyframe));
 }
 
-int LandmarkMap::add(Landmark landmark) {
+int LandmarkMap::add(ClientLandmark landmark) {
   landmark.serial = landmarks_made++;
   return put(landmarks, free_landmarks, std::move(landmark));
 }
@@ -87,10 +87,10 @@ void LandmarkMap::forget(int id, int number) {
 }
 
 void LandmarkMap::remove_landmark(int id) {
-  Landmark& removed = landmark(id);
+  ClientLandmark& removed = landmark(id);
   if (removed.gone) return;
   for (const Observation& o : removed.seen) strike(keyframe(o.keyframe).landmarks, id);
-  removed = Landmark();
+  removed = ClientLandmark();
   removed.gone = true;
   free_landmarks.push_back(id);
 }
@@ -104,7 +104,7 @@ void LandmarkMap::remove_keyframe(int number, int new_parent) {
     forget(id, number);
     if (landmark(id).seen.size() < 2) remove_landmark(id);  // not worth a keyframe, so not worth keeping
   }
-  for (Landmark& other : landmarks)
+  for (ClientLandmark& other : landmarks)
     for (Appearance& appearance : other.appearances)
       if (appearance.keyframe == number) {
         appearance.keyframe = new_parent;
@@ -136,8 +136,8 @@ void LandmarkMap::forget_keyframe(int number, int new_parent) {
 }
 
 void LandmarkMap::fuse(int kept, int other) {
-  Landmark& target = landmark(kept);
-  const Landmark source = landmark(other);
+  ClientLandmark& target = landmark(kept);
+  const ClientLandmark source = landmark(other);
   remove_landmark(other);
   for (const Observation& o : source.seen) {
     const auto sees = [&](const Observation& mine) { return mine.keyframe == o.keyframe; };

@@ -41,7 +41,7 @@ struct BorrowedLandmark {
   double sigma_px = 0.0;  // of how it was found by its descriptor, which its patches inherit
 };
 
-struct Landmark {
+struct ClientLandmark {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  // in the map
   std::vector<Observation> seen;
   std::vector<Appearance> appearances;
@@ -59,7 +59,7 @@ inline constexpr std::size_t kSettled =
     3;  // keyframes that see a landmark whose depth was learnt measure it better than that
 
 // Whether it may place a camera that knows nothing else.
-inline bool is_known(const Landmark& landmark) {
+inline bool is_known(const ClientLandmark& landmark) {
   return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled;
 }
 
@@ -122,7 +122,7 @@ struct LandmarkMap {
   std::vector<ReanchoredFrame> reanchored;  // sessions whose frame is not that of their first keyframe
   SensorCalibration calibration;
   std::vector<Keyframe> keyframes;
-  std::vector<Landmark> landmarks;
+  std::vector<ClientLandmark> landmarks;
   std::vector<int> free_keyframes, free_landmarks;
   std::uint32_t keyframes_made = 0, landmarks_made = 0;
   // Landmarks on probation, and the keyframe (its serial number) that made them.
@@ -133,8 +133,8 @@ struct LandmarkMap {
 
   Keyframe& keyframe(int number) { return keyframes[static_cast<std::size_t>(number)]; }
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
-  Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
-  const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
+  ClientLandmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
+  const ClientLandmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
   bool is_reanchored(int session) const {
     return std::any_of(reanchored.begin(), reanchored.end(),
                        [&](const ReanchoredFrame& frame) { return frame.session == session; });
@@ -151,7 +151,7 @@ struct LandmarkMap {
   // `view`: where the picture was taken, about; lets the pose give way where depth is hardly known.
   Sighting sighting_of(const Match& match, double sigma_px, const View* view = nullptr) const {
     Sighting sighting;
-    const Landmark& seen = landmark(match.landmark);
+    const ClientLandmark& seen = landmark(match.landmark);
     if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled)
       sighting.slack_px = slack_of(seen, *view);
     sighting.point_in_map = landmark(match.landmark).point;
@@ -162,11 +162,11 @@ struct LandmarkMap {
     return sighting;
   }
 
-  Eigen::Vector2d slack_of(const Landmark& landmark, const View& view) const;
-  void widen(Sighting& sighting, const Landmark& borrowed,
+  Eigen::Vector2d slack_of(const ClientLandmark& landmark, const View& view) const;
+  void widen(Sighting& sighting, const ClientLandmark& borrowed,
              double depth_m) const;  // by what is not known of the landmark
   int add(Keyframe keyframe);        // its serial number is set here
-  int add(Landmark landmark);
+  int add(ClientLandmark landmark);
   void see(int landmark, const Observation& observation);
   void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
   void remove_landmark(int landmark);

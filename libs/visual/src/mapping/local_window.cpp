@@ -28,7 +28,7 @@ graph::CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& op
 constexpr int kNoView = -1;
 
 // Whether the window's views determine where the landmark is.
-bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe, bool knows_depth) {
+bool is_held(const ClientLandmark& landmark, const std::vector<int>& view_of_keyframe, bool knows_depth) {
   if (landmark.borrowed) return true;
   int views = 0;
   for (const Observation& o : landmark.seen) {
@@ -98,7 +98,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
 
   std::vector<std::pair<int, int>> origin;  // landmark, keyframe
   for (int id : ids) {
-    const Landmark& landmark = map.landmark(id);
+    const ClientLandmark& landmark = map.landmark(id);
     for (const Observation& seen : landmark.seen) {
       const int view = view_of_keyframe[static_cast<std::size_t>(seen.keyframe)];
       if (view == kNoView) continue;

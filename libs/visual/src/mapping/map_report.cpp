@@ -29,7 +29,7 @@ std::vector<PlacedFrame> keyframes_of(const LandmarkMap& map) {
 
 std::vector<MappedLandmark> landmarks_of(const LandmarkMap& map) {
   std::vector<MappedLandmark> result;
-  for (const Landmark& landmark : map.landmarks)
+  for (const ClientLandmark& landmark : map.landmarks)
     if (!landmark.gone && !landmark.borrowed)
       result.push_back({landmark.point, static_cast<int>(landmark.seen.size()),
                         map.keyframe(landmark.seen.front().keyframe).session});
@@ -37,7 +37,7 @@ std::vector<MappedLandmark> landmarks_of(const LandmarkMap& map) {
 }
 
 std::size_t borrowed_of(const LandmarkMap& map) {
-  const auto is_borrowed = [](const Landmark& landmark) { return !landmark.gone && landmark.borrowed; };
+  const auto is_borrowed = [](const ClientLandmark& landmark) { return !landmark.gone && landmark.borrowed; };
   return static_cast<std::size_t>(std::count_if(map.landmarks.begin(), map.landmarks.end(), is_borrowed));
 }
 

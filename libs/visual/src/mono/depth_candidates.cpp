@@ -89,7 +89,9 @@ std::optional<Eigen::Vector2d> search_line(const WarpedPatch& patch, const GreyI
   return Eigen::Vector2d(*from + (*to - *from) * best / steps);
 }
 
-bool is_same(const Landmark& landmark, std::uint32_t serial) { return !landmark.gone && landmark.serial == serial; }
+bool is_same(const ClientLandmark& landmark, std::uint32_t serial) {
+  return !landmark.gone && landmark.serial == serial;
+}
 
 enum class Look { hidden, missed, found };
 
@@ -137,7 +139,7 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
 
 // What the keyframe's sighting of the landmark says of its depth.
 void take_depth(LandmarkMap& map, const DepthCandidate& candidate) {
-  Landmark& landmark = map.landmark(candidate.landmark);
+  ClientLandmark& landmark = map.landmark(candidate.landmark);
   landmark.share_unknown = candidate.sigma / candidate.inverse_depth;
   if (landmark.seen.front().keyframe != candidate.keyframe) return;
   Sighting& sighting = landmark.seen.front().sighting;
@@ -151,7 +153,7 @@ void take_depth(LandmarkMap& map, const DepthCandidate& candidate) {
 
 void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& motion, const View& view,
                      std::vector<Match>& matches, const TrackingOptions& options) {
-  Landmark landmark;
+  ClientLandmark landmark;
   Observation seen{candidate.keyframe, {}};
   seen.sighting.pixel = candidate.pixel;
   seen.sighting.row_flow = candidate.row_flow;

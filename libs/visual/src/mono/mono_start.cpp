@@ -87,7 +87,7 @@ std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, const PosedF
   std::vector<Match> first_matches;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (!views->fits[i]) continue;
-    Landmark landmark;
+    ClientLandmark landmark;
     landmark.point = scale * views->points[i];
     const int id = map.add(std::move(landmark));
     first_matches.push_back({id, pairs[i].first, Eigen::Vector2d::Zero(), tracks_[i].patch.level});

@@ -55,7 +55,7 @@ std::vector<DescribedLandmark> without_own(const std::vector<DescribedLandmark>&
   const auto is_own = [&](const DescribedLandmark& landmark) { return landmark.id.session == own; };
   std::vector<std::uint32_t> had;  // serial numbers
   if (std::any_of(landmarks.begin(), landmarks.end(), is_own))
-    for (const Landmark& landmark : map.landmarks)
+    for (const ClientLandmark& landmark : map.landmarks)
       if (!landmark.gone) had.push_back(landmark.serial);
   std::sort(had.begin(), had.end());
   std::vector<DescribedLandmark> result;
@@ -90,7 +90,7 @@ PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found
 
 bool BorrowedLandmarks::is_held(const LandmarkMap& map, Entry& entry) const {
   if (entry.slot < 0) return false;
-  const Landmark& landmark = map.landmark(entry.slot);
+  const ClientLandmark& landmark = map.landmark(entry.slot);
   if (!landmark.gone && landmark.serial == entry.serial) return true;
   entry.slot = -1;
   ++entry.failures;  // no keyframe saw it any longer
@@ -106,7 +106,7 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session,
                                const std::vector<matching::DescribedLandmark>& landmarks) {
   int taken = 0;
   for (const matching::DescribedLandmark& landmark : landmarks) {
-    if (!matching::flaw(landmark).empty()) continue;
+    if (!matching::problem_with(landmark).empty()) continue;
     ++taken;
     Entry& entry = entries_[landmark.id];
     if (entry.session != session) {
@@ -119,7 +119,7 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session,
     entry.session = session;
     entry.in_view = keyframes_;
     if (is_held(map, entry)) {
-      Landmark& held = map.landmark(entry.slot);
+      ClientLandmark& held = map.landmark(entry.slot);
       held.point = landmark.point_in_map;
       held.borrowed->sigma_m = landmark.sigma_m;
     }
@@ -147,7 +147,7 @@ std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, const PosedFeatures
     if (feature < 0) continue;
     taken[static_cast<std::size_t>(feature)] = 1;
     if (!held) {
-      Landmark landmark;
+      ClientLandmark landmark;
       landmark.point = entry.known.point_in_map;
       landmark.descriptor = entry.known.descriptor;
       landmark.borrowed = BorrowedLandmark{id, entry.known.sigma_m, sigma_px * (1 << features.level(feature))};
@@ -175,7 +175,7 @@ void BorrowedLandmarks::look_in_keyframe(LandmarkMap& map, int keyframe, const P
 void BorrowedLandmarks::keep(LandmarkMap& map, std::vector<Match>& matches, const std::vector<char>& fits) {
   std::vector<Match> kept;
   for (std::size_t i = 0; i < matches.size(); ++i) {
-    const Landmark& landmark = map.landmark(matches[i].landmark);
+    const ClientLandmark& landmark = map.landmark(matches[i].landmark);
     if (fits[i])
       kept.push_back(matches[i]);
     else if (landmark.seen.empty())
@@ -189,7 +189,7 @@ void BorrowedLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
   for (auto entry = entries_.begin(); entry != entries_.end();) {
     Entry& one = entry->second;
     if (is_held(map, one)) {
-      const Landmark& landmark = map.landmark(one.slot);
+      const ClientLandmark& landmark = map.landmark(one.slot);
       if (landmark.tried >= kLeastTries && landmark.found < kFoundShare * landmark.tried) {
         take_out(map, one);
         one.failures = kMostFailures;

@@ -189,7 +189,7 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   std::sort(forgotten.begin(), forgotten.end());
   const auto is_kept_elsewhere = [&](std::uint32_t keyframe) { return kept_elsewhere_.count(keyframe) != 0; };
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
-    const Landmark& landmark = map.landmarks[slot];
+    const ClientLandmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
     const bool published = !landmark.gone && !landmark.borrowed && landmark.seen.size() >= least_seen;
     // The first keyframe that sees it and is of the map holds it.
@@ -252,7 +252,7 @@ void MapPublisher::publish_borrowed(const LandmarkMap& map, PublishedDetail deta
   const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;
   borrowed_.resize(std::max(borrowed_.size(), map.landmarks.size()));
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
-    const Landmark& landmark = map.landmarks[slot];
+    const ClientLandmark& landmark = map.landmarks[slot];
     SentLandmark& sent = borrowed_[slot];
     if (landmark.gone || !landmark.borrowed) sent = {};
     if (landmark.gone || !landmark.borrowed || landmark.seen.size() < least_seen) continue;

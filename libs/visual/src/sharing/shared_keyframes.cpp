@@ -115,7 +115,7 @@ int SharedKeyframes::receive(const LandmarkMap& map, const Receiver& receiver,
     known.anchor = map.keyframe(anchor).serial;
     const Sim3 camera_from_map{inverse(shared.map_from_camera), 1.0};
     for (const DescribedLandmark& landmark : shared.landmarks) {
-      if (landmark.id.session == receiver.own || !matching::flaw(landmark).empty()) continue;
+      if (landmark.id.session == receiver.own || !matching::problem_with(landmark).empty()) continue;
       if (known.landmarks.size() < kMostLandmarksOfKeyframe || known.landmarks.count(landmark.id) != 0)
         known.landmarks.insert_or_assign(landmark.id, matching::transformed(landmark, camera_from_map));
     }

@@ -26,7 +26,7 @@ PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Ma
   std::vector<Sighting> all, own, known, borrowed;
   for (const Match& match : found) {
     all.push_back(map.sighting_of(match, options.sigma_px, &start));
-    const Landmark& landmark = map.landmark(match.landmark);
+    const ClientLandmark& landmark = map.landmark(match.landmark);
     (landmark.borrowed ? borrowed : own).push_back(all.back());
     if (!landmark.borrowed && landmark.seen.size() > 2) known.push_back(all.back());
   }
@@ -56,7 +56,7 @@ bool is_led_by_a_thing(const LandmarkMap& map, const Attempt& attempt, const Tra
   std::vector<Eigen::Vector3d> of_thing, around;
   std::vector<Sighting> others;
   for (std::size_t i = 0; i < attempt.found.size(); ++i) {
-    const Landmark& landmark = map.landmark(attempt.found[i].landmark);
+    const ClientLandmark& landmark = map.landmark(attempt.found[i].landmark);
     if (landmark.borrowed) continue;
     if (attempt.pose.fits[i]) {
       of_thing.push_back(landmark.point);

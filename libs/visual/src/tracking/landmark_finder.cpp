@@ -13,7 +13,8 @@ constexpr double kBorder = 8.0;   // pixels
 constexpr double kSameDirection = 0.8, kSamePlace_m = 1.0;
 
 // The appearance from the view most like this one: nullptr where none is.
-const Appearance* best_appearance(const LandmarkMap& map, const Landmark& landmark, const Eigen::Vector3d& centre) {
+const Appearance* best_appearance(const LandmarkMap& map, const ClientLandmark& landmark,
+                                  const Eigen::Vector3d& centre) {
   const Appearance* best = nullptr;
   double best_merit = 0.5;
   const Eigen::Vector3d ray = landmark.point - centre;
@@ -29,7 +30,7 @@ const Appearance* best_appearance(const LandmarkMap& map, const Landmark& landma
   return best;
 }
 
-std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark& landmark, const View& view) {
+std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const ClientLandmark& landmark, const View& view) {
   const Appearance* appearance = best_appearance(map, landmark, view.centre());
   if (appearance == nullptr) return std::nullopt;
   const View old = map.view_of(*appearance);
@@ -52,8 +53,8 @@ Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int
   return warp;
 }
 
-std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture,
-                                           const View& view, const Eigen::Vector2d& start) {
+std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const ClientLandmark& landmark,
+                                           const Pyramid& picture, const View& view, const Eigen::Vector2d& start) {
   if (picture.features) {
     constexpr double kNear_px = 4.0;  // from where the feature is expected
     const int feature = picture.features->find(
@@ -118,7 +119,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
   for (int k : keyframes)
     for (int id : map.keyframe(k).landmarks) {
       int& looked = looked_at_[static_cast<std::size_t>(id)];
-      const Landmark& landmark = map.landmark(id);
+      const ClientLandmark& landmark = map.landmark(id);
       if (landmark.gone || looked == look_) continue;
       looked = look_;
       const Eigen::Vector3d p = guess * landmark.point;
@@ -143,7 +144,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
     int tries = 0;
     for (const Candidate& candidate : cell) {
       if (++tries > kTriesPerCell) break;
-      Landmark& landmark = map.landmark(candidate.landmark);
+      ClientLandmark& landmark = map.landmark(candidate.landmark);
       if (picture.features) {
         ++landmark.tried;
         std::vector<char>& taken = landmark.borrowed ? taken_by_borrowed : taken_by_own;

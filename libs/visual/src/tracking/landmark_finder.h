@@ -19,8 +19,8 @@ struct FoundLandmark {
   int level = 0;
   float correlation = 0;
 };
-std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture,
-                                           const View& view, const Eigen::Vector2d& start);
+std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const ClientLandmark& landmark,
+                                           const Pyramid& picture, const View& view, const Eigen::Vector2d& start);
 
 // Side of the cells that hold one landmark each: half as long where a frame shows few landmarks.
 int cell_of_scene(std::size_t landmarks, const Pinhole& camera, const TrackingOptions& options);

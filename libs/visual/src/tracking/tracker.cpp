@@ -148,7 +148,7 @@ void Tracker::take(LandmarkMap& map, const Attempt& attempt, bool is_followed) {
   dynamic_outliers_.clear();
   for (std::size_t i = 0; i < attempt.found.size(); ++i) {
     const Match& match = attempt.found[i];
-    Landmark& landmark = map.landmark(match.landmark);
+    ClientLandmark& landmark = map.landmark(match.landmark);
     if (attempt.pose.fits[i]) {
       place_.matches.push_back(match);
       ++landmark.found;

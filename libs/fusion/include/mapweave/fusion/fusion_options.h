@@ -37,8 +37,9 @@ struct VisualFusionOptions {
               "number of agreeing pairs of different keyframes, contradicted by none, after which further pairs at the "
               "same place are not compared; larger values compare more pairs and take longer");
     v.integer("covisible", covisible, 0, 100,
-              "number of covisible keyframes that are added to each side when two keyframes of different maps are "
-              "compared; larger values recognise more places and take longer");
+              "number of covisible keyframes whose landmarks are added to each side when two keyframes of different "
+              "maps are compared; of these, fusion.visual.judge.neighbours have their features matched as well; larger "
+              "values recognise more places and take longer");
     v.fraction("least_alike", least_alike,
                "least similarity of two keyframes to be compared, as a share of the similarity of consecutive "
                "keyframes; larger values "
@@ -99,21 +100,22 @@ struct FusionOptions {
     v.non_negative("stride_m", stride_m,
                    "distance in metres between the submaps of one map that take part in the first search, each of "
                    "which represents its neighbours; larger values are faster and may miss common places, 0 takes all");
-    v.positive("consistency_m", consistency_m,
-               "two matches between camera maps agree when the transforms they imply differ by less than this distance "
-               "in metres; larger values accept more merges; laser maps use the pose graph's covariance instead");
+    v.positive(
+        "consistency_m", consistency_m,
+        "two matches between camera maps agree when the transforms they imply differ by less than this distance in "
+        "metres; larger values accept more merges of camera maps; laser maps use the pose graph's covariance instead");
     v.non_negative("consistency_per_m", consistency_per_m,
-                   "growth of consistency_m in metres per metre between the places of the two matches, since maps bend "
-                   "with distance; larger values accept more merges of maps that bend");
+                   "growth of consistency_m (camera maps) in metres per metre between the places of the two matches, "
+                   "since maps bend with distance; larger values accept more merges of camera maps that bend");
     v.positive("consistency_yaw_rad", consistency_yaw_rad,
                "two matches between camera maps agree when the headings they imply differ by less than this angle in "
-               "radians; larger values accept more merges");
+               "radians; larger values accept more merges of camera maps");
     v.integer("min_witnesses", min_witnesses, 1, 1000,
               "number of agreeing matches of different keyframes from which two camera maps are merged; larger values "
-              "leave more maps apart");
+              "leave more camera maps apart");
     v.fraction("sole_witness_probability", sole_witness_probability,
                "probability from which a single match of two keyframes is enough to merge their camera maps; larger "
-               "values leave more maps apart");
+               "values leave more camera maps apart");
     v.fraction("min_probability", min_probability,
                "least probability that two submaps or keyframes show one place for their match to support a merge; "
                "larger values leave more maps apart");

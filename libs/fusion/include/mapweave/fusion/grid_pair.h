@@ -38,7 +38,7 @@ struct GridVerification {
   // little of it the best placements need.
   double support_m = 0.0;
   double probability = 0.0;  // by itself, whatever rivals there are
-  std::vector<PairHypothesis::Place>
+  std::vector<PairHypothesis::ContradictedWall>
       conflicts;  // walls of either that lie in free space of the other, in a's frame; longest first
   double mean_fit_m() const { return 0.5 * (fit_m[0] + fit_m[1]); }
   double mean_conflict_m() const { return 0.5 * (conflict_m[0] + conflict_m[1]); }

@@ -47,7 +47,7 @@ class ExternalMapper : public LaserMapper {
   int helper_process() const { return process_; }  // its id; -1 once it has ended
 
  private:
-  struct Waiting {
+  struct SentScan {
     Stamp stamp;
     PackedScan scan;
   };
@@ -57,9 +57,9 @@ class ExternalMapper : public LaserMapper {
   void send(const Stamp& stamp, decltype(Sensed::body) sensed);
   void take(const MapperOutput&);
   void await_poses();
-  Map map_of(std::vector<Waiting> scans) const;  // of the first scans, which have poses
-  int reap(int* status, int options);            // as waitpid(2); counts the processor time
-  [[noreturn]] void fail();                      // the helper ended early: reaps it and says how
+  Map map_of(std::vector<SentScan> scans) const;  // of the first scans, which have poses
+  int reap(int* status, int options);             // as waitpid(2); counts the processor time
+  [[noreturn]] void fail();                       // the helper ended early: reaps it and says how
   void end_helper();
 
   ClientId client_;
@@ -67,7 +67,7 @@ class ExternalMapper : public LaserMapper {
   std::optional<Stamp> first_stamp_;
   int process_ = -1, stream_ = -1;
   std::uint64_t sent_ = 0;  // messages of what was sensed
-  std::vector<Waiting> scans_;
+  std::vector<SentScan> scans_;
   protocol::FrameParser incoming_;
   std::vector<ScanPose> poses_;
   std::uint64_t finished_scans_ = 0;

@@ -39,7 +39,7 @@ struct DescribedPicture {
 // Immutable; a copy shares its nodes. Safe to use from several threads.
 class BinaryVocabulary {
  public:
-  struct Place {
+  struct WordAndNode {
     std::uint32_t word, node;
   };
   int branching() const;      // most children of a node
@@ -51,7 +51,7 @@ class BinaryVocabulary {
   const OrbDescriptor& descriptor_of_node(std::uint32_t node) const;
 
   // node: at `direct_level` below the root, or the leaf where that is less deep. Ties go to the child that comes first.
-  Place find(const OrbDescriptor&, int direct_level) const;
+  WordAndNode find(const OrbDescriptor&, int direct_level) const;
   DescribedPicture describe_picture(const std::vector<OrbDescriptor>& features, int direct_level = kDirectLevel) const;
   static constexpr int kDirectLevel = 2;
 

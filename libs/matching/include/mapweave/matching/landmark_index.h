@@ -18,7 +18,7 @@ namespace mapweave::matching {
 using mapweave::DescribedLandmark;
 // What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero,
 // sigma positive.
-std::string flaw(const DescribedLandmark&);
+std::string problem_with(const DescribedLandmark&);
 inline constexpr double kMostCoordinate_m = 1e6;
 // The same in another map's frame, whose scale is `scale` times as large.
 DescribedLandmark transformed(const DescribedLandmark&, const Sim3& other_from_map);
@@ -60,7 +60,7 @@ struct LandmarkIndexOptions {
              "side in metres of the cells in which landmarks are looked up; affects speed, not what is found; larger "
              "cells are fewer and take longer to look through");
     v.flag("spatial", spatial,
-           "divide space by height too, in steps of cell_m, for buildings with many floors; off: each cell reaches "
+           "divide space by height too, in steps of cell_m, for buildings with many floors; false: each cell reaches "
            "from the ground to "
            "the sky. Affects speed, not what is found");
   }
@@ -72,7 +72,7 @@ class LandmarkIndex {
  public:
   explicit LandmarkIndex(LandmarkIndexOptions options = {});
 
-  // New, or in place of the one known by its id, wherever that was. Throws Error(kBadInput) with its flaw.
+  // New, or in place of the one known by its id, wherever that was. Throws Error(kBadInput) that names the problem.
   void set(const DescribedLandmark&);
   bool remove(const LandmarkId&);  // whether it was there
   void clear();

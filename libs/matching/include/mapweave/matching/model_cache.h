@@ -21,13 +21,13 @@ class ModelCache {
   void clear();  // gives its memory back
 
  private:
-  struct Entry {
+  struct CachedModel {
     std::shared_ptr<const SubmapModel> model;
     std::list<Hash>::iterator place;
   };
   std::size_t most_bytes_, bytes_ = 0;
   std::mutex mutex_;
-  std::map<Hash, Entry> entries_;
+  std::map<Hash, CachedModel> entries_;
   std::list<Hash> recent_;  // newest first
 };
 

@@ -38,8 +38,9 @@ struct VisualJudgeOptions {
               "most bits of 256 in which a feature found by projection may differ from the landmark's descriptor; "
               "larger values find more matches and more wrong ones");
     v.integer("neighbours", neighbours, 0, 100,
-              "number of covisible keyframes on each side whose features and landmarks take part when two keyframes "
-              "are compared; larger values recognise more places and take longer");
+              "number of covisible keyframes on each side whose features are matched too where those of the two "
+              "keyframes alone do not suffice; at most fusion.visual.covisible take part; larger values recognise more "
+              "places and take longer");
     v.integer("min_inliers", min_inliers, 4, 100000,
               "least number of matches that must agree with the alignment of two keyframes; larger values refuse more "
               "pairs of keyframes");

@@ -28,9 +28,11 @@ struct LaserCameraOptions {
     v.positive("extrinsic_sigma_rad", extrinsic_sigma_rad,
                "standard deviation in radians between the heading of a keyframe and of the laser's interpolated pose "
                "at its time; larger values let the camera map turn against the laser map more");
-    v.positive("covisibility_sigma_m", covisibility_sigma_m,
-               "standard deviation in metres of the motion between two covisible keyframes in the joint graph of laser "
-               "and cameras; larger values let the laser bend the camera map more");
+    v.positive(
+        "covisibility_sigma_m", covisibility_sigma_m,
+        "standard deviation in metres of the motion between two covisible keyframes in the joint graph of laser "
+        "and cameras; by default more than rig.covisibility_sigma_m, since here the laser gives the shape and cameras "
+        "follow; larger values let the laser bend the camera map more");
     v.non_negative("covisibility_sigma_per_m", covisibility_sigma_per_m,
                    "standard deviation of the motion between two covisible keyframes as a share of its length, added "
                    "to covisibility_sigma_m, in the joint graph of laser and cameras; larger values let the laser bend "

@@ -32,7 +32,7 @@ struct RigOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.flag("enabled", enabled,
-           "merge the maps of the cameras of one robot by their extrinsics; off: each camera keeps a map of its own");
+           "merge the maps of the cameras of one robot by their extrinsics; false: each camera keeps a map of its own");
     v.positive("longest_gap_s", longest_gap_s,
                "longest time in seconds between the two poses that a virtual keyframe of another camera is "
                "interpolated from; larger values make more constraints between cameras, with larger errors");

@@ -22,8 +22,8 @@ struct RunSettings {
 // An interruption is not thrown once a robot's map is finished: that is saved, and the report says so.
 Report run_batch(const RunConfiguration&, const RunPlan&, const RunSettings&, WorkerPool&, Progress&);
 
-// `mapweave slam`: the same for one robot, without edges and cloud. Where it begins with maps that its own one joins,
-// that team's map is at the top of the folder, and its own one in robots/NAME.
+// `mapweave slam`: as run_batch() for one robot, without edges and cloud. Where it begins with maps that its own one
+// joins, that team's map is at the top of the folder, and its own one in robots/NAME.
 Report run_slam(const RunConfiguration&, const RunPlan&, const RunSettings&, WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

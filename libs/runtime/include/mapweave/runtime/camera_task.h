@@ -25,7 +25,7 @@ struct CameraResult {
   std::vector<std::string> notes;            // what seems wrong with its pictures
 };
 
-// Poses of the robot by one camera's frames.
+// The robot's poses by one camera's frames.
 struct FrameTrajectory {
   std::string label;
   std::vector<StampedPose> frames;
@@ -37,9 +37,9 @@ std::string sensor_name(const std::string& label);
 
 struct CameraMap {
   Map map;                                    // keyframes and landmarks
-  std::vector<FrameTrajectory> trajectories;  // of its cameras; the first one gave the frame
-  std::vector<StampedPose> trajectory;        // the robot's, by all of them
-  RigReport rig;                              // of several
+  std::vector<FrameTrajectory> trajectories;  // one for each camera; the first one gave the frame
+  std::vector<StampedPose> trajectory;        // the robot's trajectory by all cameras
+  RigReport rig;                              // report where several cameras are in one map
 };
 
 // The robot's trajectory by all its cameras: `trajectories` are those of the map's cameras, or what became of them
@@ -50,15 +50,15 @@ std::vector<StampedPose> robot_trajectory_of(const Map&, const std::vector<Frame
 
 struct CamerasOutcome {
   PlannedRobot robot;
-  std::vector<CameraResult> cameras;  // by label; those that tracked anything
+  std::vector<CameraResult> cameras;  // cameras that tracked anything, by label
   // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on
   // elsewhere and never came back to a place that it knew.
   std::vector<CameraMap> maps;
   std::vector<std::string> notes;      // why its cameras left several maps
-  std::vector<std::string> doubts;     // what is implausible of the log's numbers, and what had no room
-  std::vector<StampedPose> odometry;   // of the robot at its cameras' frames, in a frame of its own
-  std::vector<rig::SpokenPoses> live;  // where it was by each camera, as it came; by label
-  std::vector<StampedPose> wheels;     // at their own rate
+  std::vector<std::string> doubts;     // implausible numbers of the log; keyframes without room
+  std::vector<StampedPose> odometry;   // the robot's poses by odometry at its cameras' frames, in a frame of its own
+  std::vector<rig::SpokenPoses> live;  // the robot's pose by each camera while it drove; by label
+  std::vector<StampedPose> wheels;     // odometry at its own rate
   double log_seconds = 0.0;
   double cpu_seconds = 0.0;
   std::optional<Error> trouble;  // why the stream ended early, or why there is no map
@@ -72,7 +72,7 @@ class CameraTask {
   ~CameraTask();
   CameraTask(CameraTask&&) noexcept;
 
-  std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
+  std::optional<Stamp> next() const;  // stamp of the log's next record; nullopt at the log's end
   // All records before `until`; nullopt: to the end. Throws Interrupted alone: after a signal, or when `give_up`
   // becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
@@ -81,10 +81,10 @@ class CameraTask {
     visual::ClientPlace place;
     visual::VisualClient* client;
     CameraReport* report;
-    std::vector<tiers::KeptMap>* kept;  // to be filled in: what a map server keeps for it
+    std::vector<tiers::KeptMap>* kept;  // output: what the camera map server keeps for it
   };
-  std::vector<Client> clients();  // of the cameras that have had a frame, by label; valid until finish()
-  CamerasOutcome finish();        // once
+  std::vector<Client> clients();  // clients of cameras that have had a frame, by label; valid until finish()
+  CamerasOutcome finish();        // to be called once
 
  private:
   struct State;

@@ -19,7 +19,7 @@ struct ProgramKeys {
   std::string authority;  // PEM: the certificate that the broker's must be signed by
 };
 
-// As JSON.
+// The keys as JSON.
 std::string encode(const ProgramKeys& keys);
 // Throws Error: what read_file() throws, and kBadInput for what is no such file.
 ProgramKeys read_program_keys(const std::filesystem::path& file);

@@ -10,7 +10,7 @@
 namespace mapweave::runtime {
 
 struct Explanation {
-  std::string a, b;  // as the verdict has them, a < b
+  std::string a, b;  // the two maps' names as in the verdict, a < b
   std::string text;  // decision, hypotheses with what speaks for and against each, what would help
   std::string png;   // the hypotheses side by side; empty where the maps have no walls to draw
 };

@@ -17,12 +17,12 @@ namespace mapweave::runtime {
 
 struct LaserOutcome {
   tiers::RobotOutcome outcome;
-  RobotWork work;  // packing_s, mapping_s, sensed_bytes, repeated_s, repeated_bytes
+  RobotWork work;  // holds packing_s, mapping_s, sensed_bytes, repeated_s, repeated_bytes
   std::uint64_t scans = 0;
-  double log_seconds = 0.0;        // of data
-  double cpu_seconds = 0.0;        // the helper's left out
-  std::vector<std::string> notes;  // what is implausible of the log's numbers
-  rig::SpokenPoses live;           // where it was, as it came; none of engines that know it at their end alone
+  double log_seconds = 0.0;        // length of the log in data time
+  double cpu_seconds = 0.0;        // without that of the helper process
+  std::vector<std::string> notes;  // implausible numbers of the log
+  rig::SpokenPoses live;           // the robot's pose while it drove; empty for engines that know it only at their end
   std::vector<StampedPose> odometry;
 };
 
@@ -34,7 +34,7 @@ class LaserTask {
   ~LaserTask();
   LaserTask(LaserTask&&) noexcept;
 
-  std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
+  std::optional<Stamp> next() const;  // stamp of the log's next record; nullopt at the log's end
   // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Interrupted alone:
   // after a signal, or when `give_up` becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
@@ -43,9 +43,9 @@ class LaserTask {
   void move();
   const std::optional<Error>& trouble() const;
   std::uint64_t scans() const;
-  std::uint64_t sensed_bytes() const;  // that went to the edge so far
-  Map map_so_far();                    // empty before there is one, and where mapping failed
-  LaserOutcome finish();               // once
+  std::uint64_t sensed_bytes() const;  // bytes that went to the edge so far
+  Map map_so_far();                    // empty before there is a map, and where mapping failed
+  LaserOutcome finish();               // to be called once
 
  private:
   struct State;

@@ -1,5 +1,5 @@
 #pragma once
-// A camera that does not wait, with a client of its own, on the wire to its edge's map server.
+// A camera that does not wait, with a client of its own, on the wire to its edge's camera map server.
 
 #include <mapweave/runtime/camera_link.h>
 #include <mapweave/visual/live_client.h>
@@ -9,8 +9,8 @@ namespace mapweave::runtime {
 struct LiveCameraOptions {
   visual::ClientOptions client;
   tiers::UplinkOptions uplink;
-  matching::ChosenVocabulary vocabulary;  // its map server's
-  double share_rate_hz = 2.0;             // of data: how often it publishes and receives
+  matching::ChosenVocabulary vocabulary;  // the camera map server's vocabulary
+  double share_rate_hz = 2.0;             // how often it publishes and receives, per second of data
 };
 
 // Goes on whether or not anybody listens. All calls are thread-safe.
@@ -34,7 +34,7 @@ class LiveCamera {
   const std::string& refusal() const { return link_.refusal(); }
 
  private:
-  CameraLink link_;  // of the tracking thread, until it has ended
+  CameraLink link_;  // used by the tracking thread alone until that has ended
   visual::LiveClient client_;
 };
 

@@ -8,26 +8,26 @@
 namespace mapweave::runtime {
 
 struct LiveCloudCounts {
-  struct Edge {
+  struct EdgeCounts {
     TierId id;
-    std::uint64_t taken = 0, stored = 0;         // messages: that came, in order; in the journal
+    std::uint64_t taken = 0, stored = 0;         // messages that came in order; messages in the journal
     bool is_on_wire = false, has_fused = false;  // has_fused: its final maps are all here
-    bool has_all = false;                        // it has all that the cloud had to say to it
-    std::uint64_t runs = 0;                      // how often it began
-    std::optional<double> silent_s;              // since it said something; none: it never did
-    bool is_needed = true;                       // else the coordinator has given it no robots
+    bool has_all = false;                        // the edge has all messages of the cloud
+    std::uint64_t runs = 0;                      // how often the edge's program began
+    std::optional<double> silent_s;              // time since its last message; none: it sent none
+    bool is_needed = true;                       // false: the coordinator gave it no robots
     transport::Channel::Health wire{};
   };
-  std::vector<Edge> edges;                               // by id
-  std::uint64_t refused = 0, unreadable = 0, again = 0;  // as LiveEdgeCounts
+  std::vector<EdgeCounts> edges;                         // sorted by id
+  std::uint64_t refused = 0, unreadable = 0, again = 0;  // messages, as in LiveEdgeCounts
   std::uint64_t previews = 0;
-  std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
-  std::vector<std::string> apart;         // why pairs of maps stayed apart there, in words
-  std::size_t maps = 0;                   // in the last preview
-  std::map<RobotId, Stamp> newest_scans;  // there, as LiveEdgeCounts
+  std::vector<std::vector<MapId>> joint;  // groups of two or more maps that the last preview merged
+  std::vector<std::string> apart;         // why pairs of maps stayed apart in the last preview
+  std::size_t maps = 0;                   // number of maps in the last preview
+  std::map<RobotId, Stamp> newest_scans;  // newest scan of each robot in the last preview
   bool is_sealing = false, is_done = false;
-  std::string trouble;     // why it stores nothing, or cannot go on; empty: it does
-  std::uint64_t plan = 0;  // that it follows
+  std::string trouble;     // why the cloud cannot store or go on; empty: it can
+  std::uint64_t plan = 0;  // number of the plan that it follows
 };
 
 // All calls are thread-safe.
@@ -45,14 +45,14 @@ class LiveCloud {
   void follow(const LivePlan& plan);
   // As LiveEdge's.
   bool follow(const LiveRequests& requests);
-  void use(const LiveOptions& options);  // as LiveEdge's
+  void use(const LiveOptions& options);  // as LiveEdge::use()
   // Does not wait any longer for who has not ended: what their edges have not sent is left out, and the report says so.
   void seal_now();
   // The report, once the folder is there and this was sent to the edges; nullopt: it is not yet. Throws what went
   // wrong for good (Error), and Interrupted where an interruption ended it.
   std::optional<Report> wait(std::chrono::milliseconds patience);
   LiveCloudCounts counts() const;
-  std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge
+  std::shared_ptr<const LivePreview> preview() const;  // as LiveEdge::preview()
 
  private:
   struct State;

@@ -16,29 +16,29 @@
 namespace mapweave::runtime {
 
 struct LiveCoordinatorCounts {
-  struct Edge {
+  struct EdgeCounts {
     TierId id;
-    bool is_there = true;            // else its robots went to others
-    std::optional<double> silent_s;  // since it said something; none: it never did
-    std::vector<RobotId> robots;     // by the plan
+    bool is_there = true;            // false: its robots went to other edges
+    std::optional<double> silent_s;  // time since its last message; none: it sent none
+    std::vector<RobotId> robots;     // robots that the plan gives it
     double speed = 1.0, bytes_per_s = 0.0;
     std::string speed_is, bytes_are;  // "measured", "configured", "like others"
   };
-  struct Robot {
+  struct RobotCounts {
     RobotId id;
-    TierId edge, at;  // by the plan; where it says it is. Empty: none, not said
+    TierId edge, at;  // edge by the plan; edge that the robot reports. Empty: none
     bool has_come = false, has_ended = false;
     std::optional<double> silent_s;
-    std::uint64_t scans = 0, queue_bytes = 0;  // mapped; that wait to be mapped
+    std::uint64_t scans = 0, queue_bytes = 0;  // scans mapped; bytes that wait to be mapped
   };
-  std::vector<Edge> edges;    // by id
-  std::vector<Robot> robots;  // by id
+  std::vector<EdgeCounts> edges;    // sorted by id
+  std::vector<RobotCounts> robots;  // sorted by id
   LivePlan plan;
   double plan_age_s = 0.0;
   std::uint64_t decisions = 0, moves = 0, unreadable = 0;
   std::optional<double> cloud_silent_s;
-  double expected_s = 0.0;  // of the last decision: until the team's map would be there
-  std::string last;         // in words; empty: none yet
+  double expected_s = 0.0;  // time until the team's map would be complete, by the last decision
+  std::string last;         // the last decision in words; empty: none yet
 };
 
 // All calls are thread-safe. Times are the caller's, in seconds, and never run backwards; time in which nothing could
@@ -63,7 +63,7 @@ class LiveCoordinator {
   // The next step() decides, whenever the last one did.
   void decide_soon();
 
-  void use(const LiveOptions& options);  // as LiveEdge's
+  void use(const LiveOptions& options);  // as LiveEdge::use()
 
   LivePlan plan() const;  // number 0: no robot has come yet
   LiveCoordinatorCounts counts(double now_s) const;

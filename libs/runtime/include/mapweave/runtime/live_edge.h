@@ -14,10 +14,10 @@
 
 namespace mapweave::runtime {
 
-// What an edge or a cloud is of. What it refers to must outlive it.
+// What an edge or a cloud is made from. All that it refers to must outlive it.
 struct LiveSite {
   const RunConfiguration& configuration;
-  const RunPlan& plan;  // of the whole team
+  const RunPlan& plan;  // the plan of the whole team
   LiveOptions options;
   WorkerPool& pool;
   Progress& progress;
@@ -26,56 +26,56 @@ struct LiveSite {
 };
 
 struct LiveEdgeCounts {
-  struct Robot {
+  struct RobotCounts {
     RobotId id;
-    std::uint64_t taken = 0, stored = 0, mapped = 0;  // messages: that came, in order; in the journal; mapped
-    std::uint64_t scans = 0, lost_scans = 0;          // of those mapped; that the robot had no room for
-    std::size_t queue_bytes = 0;                      // that wait to be mapped
+    std::uint64_t taken = 0, stored = 0, mapped = 0;  // messages that came in order; are in the journal; are mapped
+    std::uint64_t scans = 0, lost_scans = 0;          // scans mapped; scans that the robot had no room for
+    std::size_t queue_bytes = 0;                      // bytes that wait to be mapped
     bool is_on_wire = false, has_ended = false;       // has_ended: its map is finished
-    bool has_said_all = false;                        // nothing of it is awaited, though it may still have to be mapped
-    std::optional<double> silent_s;                   // since it said something; none: it never did
+    bool has_said_all = false;                        // no message of it is awaited; some may still have to be mapped
+    std::optional<double> silent_s;                   // time since its last message; none: it sent none
     transport::Channel::Health wire{};
-    std::uint64_t begun = 0, begun_soon = 0;  // wires that it began; of these the last, each soon after the one before
-    bool is_member = true;  // else the coordinator has given it to another edge, and what is here does not count
+    std::uint64_t begun = 0, begun_soon = 0;  // wires that it began; the last ones that each began soon after another
+    bool is_member = true;  // false: the coordinator gave it to another edge; its data here do not count
   };
-  std::vector<Robot> robots;  // by id
-  std::uint64_t refused = 0;  // hellos: of robots that are not its own, of a name that is here, of other versions
-  std::uint64_t unreadable = 0, again = 0;  // messages: that cannot be decoded; that came before
+  std::vector<RobotCounts> robots;  // sorted by id
+  std::uint64_t refused = 0;        // hellos of other edges' robots, of names already connected, of other versions
+  std::uint64_t unreadable = 0, again = 0;  // messages that cannot be decoded; that came before
   std::uint64_t previews = 0;
-  std::vector<std::vector<MapId>> joint;  // maps that are one in the last preview: two or more each
-  std::map<RobotId, Stamp> newest_scans;  // of the last preview
-  std::size_t waiting_bytes = 0;          // that the cloud has not stored
+  std::vector<std::vector<MapId>> joint;  // groups of two or more maps that the last preview merged
+  std::map<RobotId, Stamp> newest_scans;  // newest scan of each robot in the last preview
+  std::size_t waiting_bytes = 0;          // bytes that the cloud has not stored
   bool is_cloud_on_wire = false;
-  std::optional<double> cloud_silent_s;     // as a robot's
-  bool is_fused = false, is_done = false;   // all of its robots are in its map; the cloud has written the team's
-  std::string trouble;                      // why it stores nothing, or cannot go on; empty: it does
-  std::uint64_t plan = 0;                   // that it follows
-  double mapping_s = 0.0;                   // of wall time in which scans were mapped, of all robots
-  std::optional<double> bytes_per_s;        // what the way to the cloud carries, as it was measured last
-  transport::Channel::Health cloud_wire{};  // of the way to the cloud
-  // Of the map server, since the edge began, where cameras share while they drive.
+  std::optional<double> cloud_silent_s;     // time since the cloud's last message; none: it sent none
+  bool is_fused = false, is_done = false;   // its map holds all its robots; the cloud has written the team's map
+  std::string trouble;                      // why the edge cannot store or go on; empty: it can
+  std::uint64_t plan = 0;                   // number of the plan that it follows
+  double mapping_s = 0.0;                   // wall time spent mapping scans of all robots
+  std::optional<double> bytes_per_s;        // what the link to the cloud carried when last measured
+  transport::Channel::Health cloud_wire{};  // state of the link to the cloud
+  // Counts of the camera map server since the edge began; set where cameras share while they drive.
   std::optional<ServerCounts> cameras;
 };
 
-// Where an edge with this journal keeps what its map server receives.
+// The file in which the camera map server of an edge with this journal keeps what it receives.
 std::filesystem::path journal_of_cameras(const std::filesystem::path& journal);
 
 // All calls are thread-safe.
 class LiveEdge {
  public:
   // Goes on where the journal ends: it maps again what is in it, before it takes more. Without one, what it has is gone
-  // when it ends, and it confirms what it holds in memory. Where cameras share (server.share) it has a map server with
-  // a journal of its own. Throws Error as UpdateJournal and LiveMapServer do, and kBadInput where no robot of the plan
-  // has this edge; with a coordinator, where it is no edge of the plan.
+  // when it ends, and it confirms what it holds in memory. Where cameras share (server.share) it has a camera map
+  // server with a journal of its own. Throws Error as UpdateJournal and LiveMapServer do, and kBadInput where no robot
+  // of the plan has this edge; with a coordinator, where it is no edge of the plan.
   LiveEdge(TierId edge, const LiveSite& site, Connect to_cloud);
-  ~LiveEdge();  // at once; what is in the journal stays
+  ~LiveEdge();  // ends at once; the journal's content stays
 
   // A robot's end of a channel in this process. Letting go of it closes it.
   std::shared_ptr<transport::Channel> connect();
   // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
   void serve(std::shared_ptr<transport::Channel> robot);
-  // The same for one camera of this robot at the map server, each on a channel of its own; closed where cameras share
-  // nothing.
+  // As connect() and serve() for one camera of this robot at the camera map server, each on its own channel. The
+  // channel is closed where cameras do not share.
   std::shared_ptr<transport::Channel> connect_camera(const RobotId& robot);
   void serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera);
   // How many of this robot's cameras have come so far.

@@ -1,5 +1,5 @@
 #pragma once
-// An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client,
+// An edge's camera map server with its own threads, for cameras that do not wait (CVS III-B): a queue for each client,
 // handlers that take from them in turn, and maps that are merged aside. What it says it has stored is in its journal.
 
 #include <mapweave/runtime/live_options.h>
@@ -19,28 +19,28 @@ namespace mapweave::runtime {
 // What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time,
 // but for waiting.
 struct ClientCounts {
-  SessionId session;  // empty for who never said hello, and for those beyond the 1000 that left
+  SessionId session;  // empty: sum of clients that sent no hello, or left beyond the 1000 last
   std::uint64_t received_bytes = 0, sent_bytes = 0;
   std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0;
-  double update_s = 0.0;                        // decoding them and adding them to its maps
-  double retrieval_s = 0.0;                     // what to send it at its views
-  double sending_s = 0.0;                       // encoding that
+  double update_s = 0.0;                        // decoding updates and adding them to the maps
+  double retrieval_s = 0.0;                     // choosing what to send for its views
+  double sending_s = 0.0;                       // encoding what is sent
   double place_s = 0.0;                         // finding places
-  double waited_s = 0.0, longest_wait_s = 0.0;  // updates, from coming to being handled
-  double longest_place_s = 0.0;                 // from coming to the answer
+  double waited_s = 0.0, longest_wait_s = 0.0;  // waiting time of updates, from arrival to handling
+  double longest_place_s = 0.0;                 // longest time from a place request to its answer
 };
-// Counts and seconds of both; of the longest ones the longer.
+// Adds counts and seconds to the sum; keeps the longer of the longest times.
 void add(ClientCounts& sum, const ClientCounts& more);
 
 struct ServerCounts {
-  std::vector<ClientCounts> clients;  // by session
+  std::vector<ClientCounts> clients;  // sorted by session
   int merges = 0;
-  double merging_s = 0.0, longest_merge_s = 0.0;  // processor time of the merge thread; longest: from begin to end
-  double saving_s = 0.0;                          // processor time
-  double longest_hold_s = 0.0;                    // of the maps by one who changed or read them
-  bool is_merging = false;         // or rests from it, before what came since is merged, if that is enough
-  std::vector<std::string> notes;  // of the last merge, for people: why cameras of one robot are not merged
-  std::string trouble;             // why it saves or merges nothing any more; empty: it does
+  double merging_s = 0.0, longest_merge_s = 0.0;  // processor time of merges; wall time of the longest one
+  double saving_s = 0.0;                          // processor time of writing the journal
+  double longest_hold_s = 0.0;                    // longest time that one thread locked the maps
+  bool is_merging = false;                        // a merge runs, or the pause after it with enough new keyframes
+  std::vector<std::string> notes;  // for people, of the last merge: why cameras of one robot are not merged
+  std::string trouble;             // why it can no longer save or merge; empty: it can
 };
 
 // All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a
@@ -51,11 +51,11 @@ class LiveMapServer {
   // kCorrupt where the journal holds what no server has stored. rig: of clients that are cameras of one robot.
   LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
                 const std::optional<std::filesystem::path>& journal, rig::RigOptions rig = {});
-  ~LiveMapServer();  // as finish()
+  ~LiveMapServer();  // ends as finish() does
 
   // A client's end of a channel in this process, for one run from its hello on; subjects: tiers/subjects.h. Where the
   // same run says hello on another channel, this one is closed: a wire that broke. May outlive the server. Letting go
-  // of it closes it. Throws as serve.
+  // of it closes it. Throws as serve().
   std::shared_ptr<transport::Channel> connect(const std::optional<RobotId>& robot = std::nullopt);
   // The server's end of any channel to a client. Updates are acknowledged once they are in the journal, all else once
   // it is handled. robot: nobody comes on it but this robot's cameras. Throws Error(kBadInput) where there are too

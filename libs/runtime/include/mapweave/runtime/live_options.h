@@ -21,7 +21,7 @@ struct LiveWireOptions {
   }
 };
 
-// Of an edge's map server for cameras that share while they drive.
+// Options of an edge's camera map server, with which cameras share while they drive.
 struct LiveServerOptions {
   int handlers = 2;
   int merge_threads = 1;
@@ -38,9 +38,10 @@ struct LiveServerOptions {
     v.fraction("merge_share", merge_share,
                "largest share of the time in which maps are merged: after a merge the next one waits so long that "
                "merging takes no more; larger values merge more often");
-    v.integer("queue_kb", queue_kb, 64, 1 << 20,
-              "most kB of one camera's messages that may wait at the map server to be handled; the camera keeps the "
-              "rest and sends it later; larger values take more memory");
+    v.integer(
+        "queue_kb", queue_kb, 64, 1 << 20,
+        "most kB of one camera's messages that may wait at the camera map server to be handled; the camera keeps the "
+        "rest and sends it later; larger values take more memory");
     v.integer("answers_kb", answers_kb, 64, 1 << 20,
               "most kB of answers that may wait until a camera takes them; at that many nothing more is shared with "
               "it; larger values fill slow wires more");
@@ -63,10 +64,10 @@ struct LiveOptions {
   std::string page_host = "127.0.0.1";
   int page_port = 0;
   LiveWireOptions wire;
-  LiveServerOptions map_server;
+  LiveServerOptions camera_map_server;
   bool is_over_ros() const { return broker == "ros"; }
   std::string broker_url() const { return broker.empty() ? "nats://127.0.0.1:" + std::to_string(kBrokerPort) : broker; }
-  // What a program can take while it runs; the rest stays.
+  // Takes the options that may change while a program runs; the others stay.
   void take_while_running(const LiveOptions& news) {
     preview_period_s = news.preview_period_s;
     robot_buffer_kb = news.robot_buffer_kb;
@@ -123,7 +124,8 @@ struct LiveOptions {
               "for each program "
               "of a machine; 0: no page");
     v.section("wire", wire, "messages between robots, edges and the cloud");
-    v.section("map_server", map_server, "an edge's map server of cameras that share while they drive (server.share)");
+    v.section("camera_map_server", camera_map_server,
+              "an edge's camera map server, with which cameras share while they drive (server.share)");
   }
 };
 

@@ -16,16 +16,16 @@ struct RunPlan;
 
 struct LivePlan {
   std::uint64_t number = 0;  // 0: nobody has decided yet
-  std::uint64_t since = 0;   // the number of the first one of this deployment
+  std::uint64_t since = 0;   // number of this deployment's first plan
   // All robots have ended: edges merge for good, and robots move only where an edge is lost.
   bool is_final = false;
   bool is_done = false;               // the team's map is written: robots end
-  std::map<RobotId, TierId> edge_of;  // of the robots that have come; empty: no edge has room
+  std::map<RobotId, TierId> edge_of;  // for robots that have come; empty id: no edge has room
 
   std::vector<RobotId> members(const TierId& edge) const;  // ascending
 };
 
-// As JSON. decode throws Error: kCorrupt for what is not JSON, kBadInput for what is no plan.
+// The plan as JSON. decode throws Error: kCorrupt for what is not JSON, kBadInput for what is no plan.
 std::string encode(const LivePlan&);
 LivePlan decode_live_plan(std::string_view json, const std::string& where);
 

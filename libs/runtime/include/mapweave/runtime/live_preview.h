@@ -1,5 +1,5 @@
 #pragma once
-// The maps so far, for who looks.
+// The maps so far, for pages and topics that show them.
 
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fuse.h>
@@ -19,18 +19,18 @@ class RoundMerger;
 namespace mapweave::runtime {
 
 struct LivePreview {
-  struct Part {
-    std::vector<MapId> members;  // maps that are one here
-    Map map;                     // its nodes and constraints alone
+  struct JointMap {
+    std::vector<MapId> members;  // maps that are merged in this part
+    Map map;                     // holds nodes and constraints only
     // How robots' own maps (LiveEdge::map_so_far) lie in it, by where each robot stood first there: such that its
     // newest pose in both is where it is here.
     std::map<RobotId, Pose3> part_from_start;
   };
-  std::uint64_t number = 0;  // from 1
-  std::vector<Part> parts;   // the largest first
+  std::uint64_t number = 0;     // counts previews from 1
+  std::vector<JointMap> parts;  // largest part first
 };
 
-// Of the last fuse().
+// A preview of the last fuse().
 std::shared_ptr<const LivePreview> preview_of(const tiers::RoundMerger&, std::uint64_t number);
 
 // When the newest scan of each robot in the last fuse() was sensed. Scans that showed nothing new are not among them.

@@ -12,12 +12,12 @@
 namespace mapweave::runtime {
 
 struct LiveRequests {
-  std::set<std::pair<RobotId, RobotId>> refused;  // beside the configured ones: never matched; the lower id first
+  std::set<std::pair<RobotId, RobotId>> refused;  // pairs never to be matched, beside configured ones; lower id first
   std::map<RobotId, StartPose> starts;            // where robots began, in the frame that all starts share
 };
 
-// As JSON. decode throws Error: kCorrupt for what is not JSON, kBadInput for what is no request, and for robots that
-// the plan does not have.
+// The requests as JSON. decode throws Error: kCorrupt for what is not JSON, kBadInput for what is no request, and for
+// robots that the plan does not have.
 std::string encode(const LiveRequests&);
 LiveRequests decode_live_requests(std::string_view json, const RunPlan& plan, const std::string& where);
 

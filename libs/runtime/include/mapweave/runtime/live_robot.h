@@ -21,36 +21,36 @@ namespace mapweave::runtime {
 // any thread.
 using Connect = std::function<std::shared_ptr<transport::Channel>()>;
 using ConnectToEdge = std::function<std::shared_ptr<transport::Channel>(const TierId& edge)>;
-// To the edge's map server, for one of the robot's cameras that share while they drive: numbered from 0 as they begin.
+// To the edge's camera map server, for one of the robot's cameras that share: numbered from 0 as they begin.
 using ConnectCamera = std::function<std::shared_ptr<transport::Channel>(const TierId& edge, int number)>;
-inline constexpr std::size_t kMostSharingCameras = 8;  // of a robot
+inline constexpr std::size_t kMostSharingCameras = 8;  // most sharing cameras of one robot
 
 struct LiveRobotCounts {
-  std::uint64_t records = 0, scans = 0, lost_scans = 0;  // read; of these, packed; that there was no room for; on board
-                                                         // records and scans are what was mapped, scans or frames
-  std::uint64_t messages = 0, confirmed = 0;             // said; that the edge has stored
-  std::size_t waiting_bytes = 0;                         // of those that it has not
-  std::uint64_t sent_bytes = 0;                          // repetitions too
-  double recorded_s = 0.0;                               // of data, so far
-  bool is_on_board = false;                              // it maps itself
+  std::uint64_t records = 0, scans = 0, lost_scans = 0;  // records read; scans packed; scans without room. On
+                                                         // board, records and scans count what was mapped
+  std::uint64_t messages = 0, confirmed = 0;             // messages sent; messages that the edge has stored
+  std::size_t waiting_bytes = 0;                         // bytes of messages that the edge has not stored
+  std::uint64_t sent_bytes = 0;                          // bytes sent, with repetitions
+  double recorded_s = 0.0;                               // length of the data read so far
+  bool is_on_board = false;                              // the robot maps itself
   bool is_read = false;                                  // the recording has ended
   bool is_edge_on_wire = false;
-  double silent_s = 0.0;              // since the edge said something
-  std::string refusal;                // the edge's last one
-  std::optional<Error> trouble;       // why its log was not read, or not to its end; known once it is read
-  TierId edge;                        // its own now; empty: the coordinator has not said which, or none has room
-  std::uint64_t moves = 0;            // how often it was given to another one
-  std::optional<double> bytes_per_s;  // what the way to its edge carries, as it was measured last
-  transport::Channel::Health wire{};  // of the way to its edge
-  bool is_released = true;            // nobody needs what it sensed any more, once its edge has it all
-  // Of cameras that share while they drive, so far.
+  double silent_s = 0.0;              // time since the edge's last message
+  std::string refusal;                // the edge's last refusal
+  std::optional<Error> trouble;       // why its log was not read to its end; set once reading ends
+  TierId edge;                        // its edge now; empty: the coordinator named none, or none has room
+  std::uint64_t moves = 0;            // how often it was given to another edge
+  std::optional<double> bytes_per_s;  // what the link to its edge carried when last measured
+  transport::Channel::Health wire{};  // state of the link to its edge
+  bool is_released = true;            // nobody needs its data any more once its edge has stored all
+  // Counts of cameras that share while they drive, so far.
   struct Sharing {
-    std::size_t cameras = 0, on_wire = 0;              // that have begun; to which the map server answers
-    std::uint64_t sent_bytes = 0, received_bytes = 0;  // repetitions too
-    std::uint64_t shared_keyframes = 0, borrowed = 0;  // of others: kept at most; landmarks seen at a time at most
-    std::string refusal;                               // the map server's last one
+    std::size_t cameras = 0, on_wire = 0;              // cameras that began; that the camera map server answers
+    std::uint64_t sent_bytes = 0, received_bytes = 0;  // bytes of all cameras, with repetitions
+    std::uint64_t shared_keyframes = 0, borrowed = 0;  // most keyframes of others kept; most landmarks seen at once
+    std::string refusal;                               // the camera map server's last refusal
   };
-  std::optional<Sharing> sharing;  // where they do
+  std::optional<Sharing> sharing;  // set where cameras share
 };
 
 // Two threads of its own: one reads, one speaks. All calls are thread-safe. One recording is one run: a robot that
@@ -58,9 +58,9 @@ struct LiveRobotCounts {
 class LiveRobot {
  public:
   // The plan's sensors are chosen; what is wrong with its log is said to the edge at its end. Throws Error(kBadInput)
-  // for a robot without a sensor. to_map_server: where cameras share (server.share); null: they do not.
+  // for a robot without a sensor. to_camera_map_server: where cameras share (server.share); null: they do not.
   LiveRobot(const PlannedRobot& robot, const RunConfiguration& configuration, const LiveOptions& options,
-            ConnectToEdge to_edge, ConnectCamera to_map_server = nullptr);
+            ConnectToEdge to_edge, ConnectCamera to_camera_map_server = nullptr);
   ~LiveRobot();
 
   // The recording ends where it is.
@@ -71,7 +71,7 @@ class LiveRobot {
   // the new one, from the beginning of its recording, what that does not have. An older plan than before is passed
   // over.
   void follow(const LivePlan& plan);
-  void use(const LiveOptions& options);  // as LiveEdge's
+  void use(const LiveOptions& options);  // as LiveEdge::use()
   // All is said, and stored at the edge; with a coordinator, the team's map is written, too: until then the robot may
   // be given to another edge.
   bool is_done() const;
@@ -87,7 +87,7 @@ class LiveRobot {
 // what is written, and how programs talk; and the program's version.
 Hash agreement_of(RunConfiguration configuration);
 
-// Whether cameras of robots share with an edge's map server while they drive.
+// Whether cameras of robots share with an edge's camera map server while they drive.
 inline bool shares_cameras(const RunConfiguration& configuration) {
   return configuration.server.share != tiers::Sharing::none;
 }

@@ -14,7 +14,7 @@ namespace mapweave::runtime {
 
 struct StatusTerms {
   double patience_s = 15.0;  // LiveOptions: who is silent for so long is missing
-  double up_s = 0.0;         // since the program began
+  double up_s = 0.0;         // time since the program began
 };
 
 // A tier: {role, name, state, is_done, counts: {name: number}, joint: [[map]], links: [...], findings: [...]}; of an

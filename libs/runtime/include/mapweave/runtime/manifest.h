@@ -13,7 +13,7 @@
 
 namespace mapweave::runtime {
 
-std::string program_version();  // "0.1.0"
+std::string program_version();  // for example "0.1.0"
 
 struct InputFile {
   std::string path;

@@ -13,17 +13,16 @@ namespace mapweave::runtime {
 
 struct MapInput {
   std::vector<Map> maps;
-  std::vector<Map>
-      members;  // of a team's store: the robots' own maps, as they were before they were merged; may be empty
-  std::vector<std::filesystem::path> files;          // all that was read: of a map_server grid its image too
-  std::vector<std::string> notes;                    // for people: what is odd about a grid
-  std::map<std::string, std::string> metadata = {};  // of a store
-  MapIdentity identity = {};                         // of a store of one map
+  std::vector<Map> members;  // of a team's store: the robots' own maps before they were merged; may be empty
+  std::vector<std::filesystem::path> files;          // all files read, also the image of a map_server grid
+  std::vector<std::string> notes;                    // for people: oddities of a grid
+  std::map<std::string, std::string> metadata = {};  // metadata of a store
+  MapIdentity identity = {};                         // identity of a store of one map
 };
 
-// A store (.mwdb), a live map server's journal (.mwj: its clients' own maps, one by one), a map_server grid (.yaml), or
-// a folder of results that holds a map.mwdb. A grid's map is called `name`; those of stores and journals have their own
-// names. Throws Error: kMissing for what is not there, kBadInput for anything else, or where there is no map in it,
+// A store (.mwdb), a camera map server's journal (.mwj: its clients' own maps, one by one), a map_server grid (.yaml),
+// or a folder of results that holds a map.mwdb. A grid's map is called `name`; those of stores and journals have their
+// own names. Throws Error: kMissing for what is not there, kBadInput for anything else, or where there is no map in it,
 // what reading throws.
 MapInput read_map_input(const std::filesystem::path& path, MapId name);
 

@@ -14,7 +14,7 @@
 namespace mapweave::runtime {
 
 struct Anchor {
-  std::string a, b;  // maps or robots
+  std::string a, b;  // names of maps or robots
   Pose2 a_from_b;    // b's map frame in a's
   double sigma_m = kStartSigma_m, sigma_rad = 0.1;
 };
@@ -22,7 +22,7 @@ struct Anchor {
 struct MergeRequests {
   std::vector<std::string> without;                          // maps or robots to leave out
   std::vector<std::pair<std::string, std::string>> refused;  // pairs of maps or robots never to be matched
-  std::vector<Anchor> anchors;                               // priors
+  std::vector<Anchor> anchors;                               // priors of users
 };
 
 inline constexpr const char* kRefuseFlag = "--refuse";

@@ -10,12 +10,12 @@ struct MergeSettings {
   std::filesystem::path out;
   bool force = false;
   MergeRequests requests = {};
-  bool forget_requests = false;  // of the merges and runs that made the teams given here
+  bool forget_requests = false;  // forget requests of the merges and runs that made the given teams
   Origins origins =
-      {};  // of the configuration: options that it was given count, others are as the teams were made with
+      {};  // where the configuration's options come from: options given count, others are those of the given teams
 };
 
-// `paths`: stores (.mwdb), journals of live map servers (.mwj), map_server grids (.yaml), folders of one map and
+// `paths`: stores (.mwdb), journals of camera map servers (.mwj), map_server grids (.yaml), folders of one map and
 // folders of results; the first one gives the frame (team.frame), else their order changes nothing. A team's store, and
 // a folder of results, stand for the robots' own maps that they were made of, under the same names; refusals, priors
 // and options of fusion that a team was made with hold again, and notes say so, unless they are to be forgotten or said

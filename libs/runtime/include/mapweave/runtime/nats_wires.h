@@ -17,7 +17,7 @@ namespace mapweave::runtime {
 
 // The domain of an edge's own broker; empty: it has none of its own.
 std::string domain_of(const EdgeEntry& edge);
-constexpr char kHubDomain[] = "cloud";  // of live.broker, where edges have brokers of their own
+constexpr char kHubDomain[] = "cloud";  // domain of live.broker where edges have their own brokers
 
 class NatsWires : public Wires {
  public:
@@ -37,7 +37,7 @@ class NatsWires : public Wires {
   Connect from_camera(const RobotId& robot, int number, const TierId& edge) const override;
   Connect from_edge(const TierId& edge) const override;
   Connect at_edge(const RobotId& robot, const TierId& edge) const override;
-  Connect at_map_server(const RobotId& robot, int number, const TierId& edge) const override;
+  Connect at_camera_map_server(const RobotId& robot, int number, const TierId& edge) const override;
   Connect at_cloud(const TierId& edge) const override;
   std::shared_ptr<transport::Board> board() const override;
   std::shared_ptr<transport::Board> plans() const override;

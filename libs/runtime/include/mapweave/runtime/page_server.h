@@ -15,10 +15,10 @@ namespace mapweave::runtime {
 // What is shown. Both are called on threads of the server, and must work until it has ended.
 struct PageSource {
   std::string title;
-  std::vector<std::string> robots;  // names, of the whole team
+  std::vector<std::string> robots;  // names of all robots of the team
   fusion::ComposeOptions compose;
   std::function<nlohmann::ordered_json()> status;               // program_status()
-  std::function<std::shared_ptr<const LivePreview>()> preview;  // null: none yet
+  std::function<std::shared_ptr<const LivePreview>()> preview;  // null: no preview yet
 };
 
 // GET and HEAD of /, /events (server-sent; at most kMostStreams at once, others get 503), /maps.json, /metrics,

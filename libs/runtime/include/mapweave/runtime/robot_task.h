@@ -19,10 +19,10 @@ struct RobotResult {
   tiers::RobotOutcome outcome;
   CamerasOutcome cameras;  // its maps are those of `outcome`, or in the one graph there with the laser's; empty where
                            // no camera maps
-  rig::FusedTrajectory pose;  // as it came, by all of its sensors
+  rig::FusedTrajectory pose;  // the robot's pose while it drove, by all its sensors
   RobotReport report;
   RobotWork work;
-  std::vector<std::string> notes;  // what is implausible of the log's numbers
+  std::vector<std::string> notes;  // implausible numbers of the log
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };
 

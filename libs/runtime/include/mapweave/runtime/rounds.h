@@ -51,54 +51,54 @@ struct RoundWork {
   };
   struct Fused {
     TierId tier;
-    double fusing_s = 0.0;                       // of one core of this machine
-    std::uint64_t bytes = 0;                     // of an edge, to the cloud
-    double speed = 1.0;                          // of an edge, as EdgeWork
-    std::size_t maps = 0;                        // that it has, of robots
+    double fusing_s = 0.0;                       // seconds of one core of this machine
+    std::uint64_t bytes = 0;                     // what an edge sent to the cloud
+    double speed = 1.0;                          // speed of the edge's processor (EdgeWork::speed)
+    std::size_t maps = 0;                        // robots' maps that the tier has
     std::vector<std::vector<MapId>> joint = {};  // maps that are one now: two or more each
-    std::vector<Pair> pairs = {};                // that it decided: merged or refused
+    std::vector<Pair> pairs = {};                // pairs that the tier merged or refused
   };
-  std::vector<Fused> fused;  // edges by name, then the cloud; those to which something new came
+  std::vector<Fused> fused;  // edges by name, then the cloud; only tiers that received something new
 };
 
-// When previews were there; seconds of the team's time.
+// When previews were ready, in seconds of the team's time.
 struct RoundsTimeline {
   struct Ready {
     double ready_s = 0.0;
     bool is_left_out = false;  // the tier was still busy with the round before: it takes all with the next one
   };
-  std::vector<std::vector<Ready>> rounds;  // as RoundWork::fused
+  std::vector<std::vector<Ready>> rounds;  // for each round, in the order of RoundWork::fused
   struct Joint {
     TierId tier;
     std::vector<MapId> maps;
-    double at_s = 0.0, ready_s = 0.0;  // of data; there
+    double at_s = 0.0, ready_s = 0.0;  // time of its data; time when it was ready
   };
   std::optional<Joint> first_joint;
   struct Tier {
     TierId tier;
     std::size_t fused = 0, left_out = 0;
-    double most_age_s = 0.0;    // of its preview, from the first one on until the recordings ended
-    double slowest_s = 0.0;     // round, from what came to its preview
-    double fusing_cpu_s = 0.0;  // of all its rounds
-    std::uint64_t bytes = 0;    // to the cloud, of all its rounds
+    double most_age_s = 0.0;    // age of its preview, from the first one until the recordings ended
+    double slowest_s = 0.0;     // longest round, from the arrival of maps to its preview
+    double fusing_cpu_s = 0.0;  // processor time of all its rounds
+    std::uint64_t bytes = 0;    // sent to the cloud in all its rounds
   };
   std::vector<Tier> tiers;  // edges by name, then the cloud
 };
 
 struct TimelineOptions;
 struct Work;
-// `work`: with its rounds and the speeds of its edges.
+// `work` must hold its rounds and the speeds of its edges.
 RoundsTimeline rounds_timeline(const TimelineOptions&, const Work&);
 
-// For timeline_json(), and back. Throws Error(kBadInput) as read_work().
+// As JSON for timeline_json(), and read back. Throws Error(kBadInput) as read_work().
 nlohmann::ordered_json rounds_timeline_json(const RoundsTimeline&, const std::vector<RoundWork>&);
 std::vector<RoundWork> read_rounds(const nlohmann::json& rounds, const std::string& where);
 // rounds.json: a line for each round. `timeline`: null where the run was interrupted; pictures by round.
 std::string rounds_json_text(const std::vector<RoundWork>&, const RoundsTimeline* timeline,
                              const std::map<std::size_t, std::string>& pictures);
-// For people; a line each. Empty without rounds.
+// Text for people, a line each; empty without rounds.
 std::string in_words(const RoundsTimeline&, std::size_t rounds);
-// Where rounds come faster than tiers fuse.
+// Notes where rounds come faster than tiers fuse.
 std::vector<std::string> notes_of(const RoundsTimeline&);
 
 }  // namespace mapweave::runtime

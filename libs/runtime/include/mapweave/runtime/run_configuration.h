@@ -62,7 +62,7 @@ struct StartPose {
   }
 };
 
-constexpr double kStartSigma_m = 0.5;  // where nothing else is said of a start, or of a prior
+constexpr double kStartSigma_m = 0.5;  // default standard deviation of a start or a prior
 
 struct RobotEntry {
   std::string id, log, edge;
@@ -70,7 +70,7 @@ struct RobotEntry {
   std::vector<RoutePoint> route = {};
   StartPose start = {};
   std::vector<std::string> edges = {};
-  std::vector<OptionSetting> own = {};  // put over what all robots have
+  std::vector<OptionSetting> own = {};  // override the options of all robots
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
@@ -103,7 +103,7 @@ struct RobotEntry {
 struct VisualOptions {
   std::string label, vocabulary;
   visual::ClientOptions client;
-  matching::ChosenVocabulary chosen_vocabulary;  // that file's (read_vocabulary)
+  matching::ChosenVocabulary chosen_vocabulary;  // content of that file (read_vocabulary)
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("label", label, "sensor label of the camera to map with where a robot has several; empty: all of them");
@@ -152,7 +152,7 @@ struct TeamMapOptions {
   }
 };
 
-// Which robot to which edge, in `run`.
+// How `run` chooses an edge for each robot.
 struct CoordinatorEntry {
   std::optional<scheduling::PlanMethod> method;  // none: there is no coordinator
   std::string at, model;
@@ -217,7 +217,7 @@ struct DenseOptions {
 
 enum class OctoMapsOf { all, edges, team };
 
-// Beside each map.mwdb.
+// Files that are written beside each map.mwdb.
 struct OutputOptions {
   bool png = true, pgm = true, pcd = true, tum = true, g2o = false, ply = false, octomap = false, report = true;
   OctoMapsOf octomaps_of = OctoMapsOf::all;
@@ -264,7 +264,7 @@ struct RunConfiguration {
   Mode mode = Mode::offload;
   NetworkOptions network;
   ProcessorOptions processors;
-  std::string sensor = "auto";  // of kSensorChoices
+  std::string sensor = "auto";  // one of kSensorChoices
   rawlog::ReadOptions reading;
   laser::LaserOptions laser;
   VisualOptions visual;
@@ -281,10 +281,11 @@ struct RunConfiguration {
   void describe(Visitor& v) {
     v.integer("seed", seed, 0, 4294967295, "seed of all random numbers of a run; the same seed gives the same bytes");
     v.list("robots", robots, "the robots of the team and their logs");
-    v.texts("maps", maps,
-            "maps that the run begins with, of sessions before it (run, slam): map stores (.mwdb), journals of map "
-            "servers (.mwj), folders of results, or the folder of a robot that received the team's map; relative to "
-            "this file. The robots' maps join them, in the frame of the first one; empty: none");
+    v.texts(
+        "maps", maps,
+        "maps that the run begins with, of sessions before it (run, slam): map stores (.mwdb), journals of camera "
+        "map servers (.mwj), folders of results, or the folder of a robot that received the team's map; relative to "
+        "this file. The robots' maps join them, in the frame of the first one; empty: none");
     v.list("edges", edges,
            "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that "
            "robots name, or a "
@@ -332,39 +333,39 @@ struct RunConfiguration {
 struct LogPart {
   RobotId robot;
   std::size_t number = 1, count = 1;  // 1: the first one
-  Stamp from = {};                    // by divide_logs()
-  std::optional<Stamp> until = {};    // none: to the end
+  Stamp from = {};                    // set by divide_logs()
+  std::optional<Stamp> until = {};    // none: to the end of the log
 };
 struct PlannedRobot {
-  RobotId id;  // of a part: "alpha.2", the second of robot alpha
+  RobotId id;  // id of a part: "alpha.2" is the second part of robot alpha
   TierId edge;
   std::filesystem::path log;
-  ChosenSensors sensors = {};         // by choose_sensors()
+  ChosenSensors sensors = {};         // set by choose_sensors()
   std::optional<Error> trouble = {};  // why none could be chosen
   std::optional<LogPart> part = {};
-  std::shared_ptr<const RunConfiguration> configuration = {};  // with what its entry says for it alone; null: nothing
-  const RobotId& robot() const { return part ? part->robot : id; }  // as the configuration calls it
+  std::shared_ptr<const RunConfiguration> configuration = {};  // configuration with the robot's own options; null: none
+  const RobotId& robot() const { return part ? part->robot : id; }  // the robot's id in the configuration
 };
-// By which a robot maps.
+// The configuration by which a robot maps.
 inline const RunConfiguration& configuration_of(const RunConfiguration& all, const PlannedRobot& robot) {
   return robot.configuration ? *robot.configuration : all;
 }
 struct RunPlan {
   std::vector<PlannedRobot>
-      robots;  // by id, a part of a log each where several edges map a robot; without a coordinator each has an edge
-  std::vector<std::filesystem::path> maps = {};  // that it begins with, by their full paths
+      robots;  // by id; parts of a log where several edges map a robot; without a coordinator each has an edge
+  std::vector<std::filesystem::path> maps = {};  // maps that the run begins with, by their full paths
   std::vector<TierId> edges;                     // sorted; without a coordinator each has robots
   std::set<std::pair<RobotId, RobotId>>
-      refused;                  // never to be matched to each other, parts each for itself; the lower id first
-  NetworkOptions network;       // traces by their full paths
-  std::filesystem::path model;  // the coordinator's, in full; may be empty
+      refused;                  // pairs never to be matched to each other; parts count each; the lower id first
+  NetworkOptions network;       // holds traces by their full paths
+  std::filesystem::path model;  // full path of the coordinator's model; may be empty
 };
 
 // What the configuration says of a robot; ContractViolation where it lists none of this name.
 RobotEntry robot_entry(const RunConfiguration&, const RobotId&);
-// Starts that are said without their sigma_m get it. To be done once all layers are loaded.
+// Gives starts without a sigma_m the default. To be done once all layers are loaded.
 void complete_starts(RunConfiguration&, const Origins&);
-// Takes the vocabulary of visual.vocabulary for cameras, their map servers and merges; the path is the full one then.
+// Takes the vocabulary of visual.vocabulary for cameras, camera map servers and merges; the path is the full one then.
 // To be done once all layers are loaded. Throws Error: kMissing, and what matching::load_vocabulary() throws.
 void read_vocabulary(RunConfiguration&, const Origins&);
 // What the configuration says of an edge; the defaults where it lists none of this name.

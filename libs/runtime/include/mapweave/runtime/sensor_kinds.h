@@ -24,12 +24,12 @@ struct SensorKind {
   SensorTask task;
   bool (*recognises)(const mrpt::obs::CObservation&);
   Stream (*as_scans)(Stream log) = nullptr;                   // null: its records are planar scans
-  visual::CameraKind camera = visual::CameraKind::automatic;  // of frames: what is used of each
+  visual::CameraKind camera = visual::CameraKind::automatic;  // for frames: what is used of each picture
 };
 
 bool is_planar_scan(const mrpt::obs::CObservation&);
-bool is_depth_picture(const mrpt::obs::CObservation&);  // with or without colours
-bool is_picture(const mrpt::obs::CObservation&);        // of any camera
+bool is_depth_picture(const mrpt::obs::CObservation&);  // a depth picture, with or without colours
+bool is_picture(const mrpt::obs::CObservation&);        // a picture of any camera
 bool is_stereo(const mrpt::obs::CObservation&);
 bool is_rgbd(const mrpt::obs::CObservation&);
 
@@ -58,7 +58,7 @@ inline constexpr const char* kSensorChoiceText =
     "cameras with all that each gives; all: laser and cameras in one pose graph; mono, stereo and rgbd use just that "
     "of each camera; depth: depth pictures as scans of a laser";
 
-// Null for auto, cameras and all.
+// The kind of this name; null for auto, cameras and all.
 const SensorKind* sensor_kind(std::string_view name);
 
 struct ChosenCamera {

@@ -13,14 +13,14 @@ namespace mapweave::runtime {
 
 struct FrameRequest {
   enum class Kind {
-    first,  // that of the first map given
-    named,  // that of the map `name`
+    first,  // frame of the first map given
+    named,  // frame of the map `name`
     walls,  // the first map's, turned so that its axes run along the walls
     given   // the first map's, moved
   };
   Kind kind = Kind::first;
   std::string name = {};
-  Pose2 team_from_first = Pose2(0.0, 0.0, 0.0);  // given: where the first map's frame lies in the team's
+  Pose2 team_from_first = Pose2(0.0, 0.0, 0.0);  // where `given`: pose of the first map's frame in the team's
 };
 
 // Where a request stands, and what it is when it is wrong.
@@ -37,11 +37,11 @@ FrameRequest parse_frame(const std::string& text, const std::vector<std::string>
 struct TeamFrame {
   std::string of;  // the given map whose frame it is, or from whose frame it was moved
   FrameRequest::Kind kind = FrameRequest::Kind::first;
-  bool has_no_walls = false;                     // asked for: walls; but none stood out
-  Pose2 team_from_given = Pose2(0.0, 0.0, 0.0);  // where that map's frame lies in the team's
-  double moved_m = 0.0, most_moved_m = 0.0;      // of that map's places, by how much it changed: root mean square, most
+  bool has_no_walls = false;                     // walls were asked for, but no direction stood out
+  Pose2 team_from_given = Pose2(0.0, 0.0, 0.0);  // pose of that map's frame in the team's
+  double moved_m = 0.0, most_moved_m = 0.0;      // change of that map's places: root mean square, largest
   MapId by;                                      // the robot's own map whose first place is kept
-  MapIdentity continued = {};                    // of the given map, where the team's map is its next version
+  MapIdentity continued = {};                    // the given map's identity where the team's map is its next version
 };
 // "the frame is that of yesterday", "... of alpha, turned by -12.40 degrees: axes along the walls".
 std::string in_words(const TeamFrame&);

@@ -22,7 +22,7 @@ namespace mapweave::runtime {
 // cloud_only: robots map, the cloud merges alone.
 enum class Mode { offload, onboard, cloud_only };
 
-// A wire between two that are named.
+// A wire between two named programs.
 struct LinkEntry : transport::LinkModelOptions {
   std::string from, to;
   template <class Visitor>
@@ -46,11 +46,11 @@ struct NetworkOptions {
   }
 };
 
-// The wire that is named, else the common one.
+// The wire between these two, else the common one.
 const transport::LinkModelOptions& wire_between(const NetworkOptions&, const std::string& from, const std::string& to,
                                                 const transport::LinkModelOptions& otherwise);
 
-// One core of each tier, in cores of this machine.
+// Speed of one core of each tier, relative to a core of this machine.
 struct ProcessorOptions {
   using Profile = transport::ProcessorProfile;
   Profile robot_profile = Profile::this_machine, edge_profile = Profile::this_machine,
@@ -113,9 +113,9 @@ struct CloudEntry {
 struct RobotWork {
   RobotId id;
   TierId edge;
-  double log_s = 0.0;                       // of data
-  double packing_s = 0.0, mapping_s = 0.0;  // of its laser; mapping: with the unpacking of what was sensed
-  double seeing_s = 0.0;                    // its cameras' clients, which run on the robot in every mode
+  double log_s = 0.0;                       // length of the log in data time
+  double packing_s = 0.0, mapping_s = 0.0;  // time for its laser's scans; mapping includes unpacking
+  double seeing_s = 0.0;                    // time of its cameras' clients, on the robot in every mode
   std::uint64_t sensed_bytes = 0, map_bytes = 0;
   // Of what its edge had mapped, sent to another one and mapped again there, from the beginning.
   double repeated_s = 0.0;
@@ -124,44 +124,45 @@ struct RobotWork {
 struct EdgeWork {
   TierId id;
   double fusing_s = 0.0;
-  std::uint64_t bytes = 0;  // for the cloud: its robots' maps, and what it found of them
+  std::uint64_t bytes = 0;  // sent to the cloud: its robots' maps and what it merged of them
   double speed = 1.0;       // relative to ProcessorOptions::edge
   // Maps of other edges, sent to be compared with its own; the judgements that it returned.
   std::uint64_t sent_bytes = 0, judged_bytes = 0;
   double judging_s = 0.0;
-  tiers::ThinningCounts thinning = {};  // of the maps sent; without scans where they were sent as a whole, each at once
+  tiers::ThinningCounts thinning =
+      {};  // scans of the maps sent before and after thinning; 0 where whole maps were sent
 };
 struct PushWork {
   RobotId robot;
-  std::uint64_t bytes = 0;    // of the team's map
+  std::uint64_t bytes = 0;    // size of the team's map
   std::string next_run = {};  // the configuration that names it as the start of the robot's next run
 };
 // Overlap degree of two robots' maps, once they lie on each other; where there was a coordinator, as it thought
-// at its last decision, for with such guesses it predicts.
+// at its last decision, since it predicts with these estimates.
 struct OverlapOfRobots {
   RobotId a, b;
   double degree;
 };
 struct Work {
-  std::vector<RobotWork> robots;  // by id
-  std::vector<EdgeWork> edges;    // by id; of cloud_only none
-  double fusing_s = 0.0;          // in the cloud, all of it
-  double planning_s = 0.0;        // of these, before it knew what edges shall compare
+  std::vector<RobotWork> robots;  // sorted by id
+  std::vector<EdgeWork> edges;    // sorted by id; none in mode cloud_only
+  double fusing_s = 0.0;          // all fusing in the cloud
+  double planning_s = 0.0;        // part of fusing_s before it knew what edges must compare
   std::vector<PushWork> pushes;
   std::vector<OverlapOfRobots> overlaps;
   std::vector<RoundWork> rounds;  // while robots drove
 };
 
-// All in seconds since the recordings ended.
+// All times are seconds since the recordings ended.
 struct Timeline {
-  struct Robot {
+  struct RobotTimes {
     RobotId id;
     TierId edge;
     double packed_s = 0.0, arrived_s = 0.0,
            mapped_s = 0.0;  // onboard and cloud_only: mapped before it arrives; nothing is packed
-    double load = 0.0;      // of its core, while it records: what it computes by what it drives
+    double load = 0.0;      // load of its core while it records: computing time over driving time
   };
-  struct Edge {
+  struct EdgeTimes {
     TierId id;
     double ready_s = 0.0, fused_s = 0.0,
            arrived_s = 0.0;  // ready: the last of its robots' maps is there; arrived: what it found of them, too
@@ -172,11 +173,11 @@ struct Timeline {
     double arrived_s = 0.0;
   };
   Mode mode = Mode::offload;
-  std::vector<Robot> robots;
-  std::vector<Edge> edges;
+  std::vector<RobotTimes> robots;
+  std::vector<EdgeTimes> edges;
   double total_s = 0.0;  // t_c
   std::vector<Push> pushes;
-  double recorded_s = 0.0;  // as in the options
+  double recorded_s = 0.0;  // TimelineOptions::recorded_s
   std::optional<RoundsTimeline> rounds;
 };
 

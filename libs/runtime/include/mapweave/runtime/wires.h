@@ -22,13 +22,13 @@ class Wires {
  public:
   virtual ~Wires() = default;
 
-  // Ends that open: for LiveRobot, and for LiveEdge.
+  // Ends that open a channel: for LiveRobot and LiveEdge.
   virtual Connect from_robot(const RobotId& robot, const TierId& edge) const = 0;
-  virtual Connect from_camera(const RobotId& robot, int number, const TierId& edge) const = 0;  // as ConnectCamera says
+  virtual Connect from_camera(const RobotId& robot, int number, const TierId& edge) const = 0;  // as ConnectCamera
   virtual Connect from_edge(const TierId& edge) const = 0;
-  // Ends that accept.
+  // Ends that accept channels.
   virtual Connect at_edge(const RobotId& robot, const TierId& edge) const = 0;
-  virtual Connect at_map_server(const RobotId& robot, int number, const TierId& edge) const = 0;
+  virtual Connect at_camera_map_server(const RobotId& robot, int number, const TierId& edge) const = 0;
   virtual Connect at_cloud(const TierId& edge) const = 0;
 
   // Where every program of the deployment says how it is (program_status), under the name that its user has or would
@@ -44,8 +44,8 @@ class ServedWires {
   // serve: as LiveEdge's or LiveCloud's. Each wire has a name.
   explicit ServedWires(std::function<void(std::shared_ptr<transport::Channel>)> serve) : serve_(std::move(serve)) {}
   void add(const std::string& name, Connect accept) { wires_.try_emplace(name, Wire{std::move(accept), nullptr}); }
-  void remove(const std::string& name);  // closed
-  void keep();                           // now and then
+  void remove(const std::string& name);  // and close it
+  void keep();                           // to be called now and then
 
  private:
   struct Wire {
@@ -62,18 +62,18 @@ class CameraWires {
  public:
   CameraWires(const Wires& wires, const TierId& edge, LiveEdge& server);
   void add(const RobotId& robot);
-  void keep();  // now and then
+  void keep();  // to be called now and then
 
  private:
-  struct Robot {
-    explicit Robot(std::function<void(std::shared_ptr<transport::Channel>)> serve) : wires(std::move(serve)) {}
+  struct RobotWires {
+    explicit RobotWires(std::function<void(std::shared_ptr<transport::Channel>)> serve) : wires(std::move(serve)) {}
     ServedWires wires;
     std::size_t count = 0;
   };
   const Wires& wires_;
   const TierId edge_;
   LiveEdge& server_;
-  std::map<RobotId, Robot> robots_;
+  std::map<RobotId, RobotWires> robots_;
   std::chrono::steady_clock::time_point next_{};
 };
 

@@ -73,18 +73,18 @@ std::string model_json(const LatencyModel&);
 
 // The terms of eq. 1 to 3 for one placement, each in seconds, so that a run can be compared with them one by one.
 struct LatencyTerms {
-  struct Robot {
+  struct RobotTerms {
     std::uint32_t robot = 0;
     double pack_s = 0.0, transfer_s = 0.0, slam_s = 0.0;
     double seconds() const { return pack_s + transfer_s + slam_s; }  // eq. 1
   };
-  struct Edge {  // without robots: 0 throughout
-    std::vector<Robot> robots;
+  struct EdgeTerms {  // without robots: 0 throughout
+    std::vector<RobotTerms> robots;
     double fusion_s = 0.0, transfer_s = 0.0;  // transfer: to the cloud
     double computing_seconds() const;         // eq. 2
     double seconds() const { return computing_seconds() + transfer_s; }
   };
-  std::vector<Edge> edges;
+  std::vector<EdgeTerms> edges;
   double fusion_s = 0.0;         // in the cloud, with what edges judge for it
   double total_seconds() const;  // eq. 3
 };
@@ -123,8 +123,8 @@ class Latency {
   const LatencyModel& model() const { return model_; }
 
  private:
-  LatencyTerms::Robot robot_terms(std::uint32_t robot, std::uint32_t edge) const;
-  LatencyTerms::Edge edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
+  LatencyTerms::RobotTerms robot_terms(std::uint32_t robot, std::uint32_t edge) const;
+  LatencyTerms::EdgeTerms edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
   double shared_scans(const std::vector<std::uint32_t>& robots) const;                // FusedScans::shared
   double shared_scans(std::uint32_t robot, const Neighbour& other) const;             // of these two

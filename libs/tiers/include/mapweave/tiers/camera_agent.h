@@ -1,5 +1,5 @@
 #pragma once
-// A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it
+// A camera client's end of the wire to its edge's camera map server: what it says and when, and what becomes of what it
 // receives. The client itself goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
 
 #include <mapweave/maps/receipt.h>

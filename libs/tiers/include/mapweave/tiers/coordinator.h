@@ -54,15 +54,15 @@ class Coordinator {
   const std::map<RobotId, TierId>& edge_of() const { return edge_of_; }  // empty names: on board
 
  private:
-  struct Robot {
+  struct KnownRobot {
     std::optional<std::uint64_t> scans;
     bool is_known = false;  // its map, or its route
   };
-  struct Candidate {
+  struct CandidatePlan {
     std::vector<std::uint32_t> edge_of;  // by robot of the problem
     double seconds = 0.0;
   };
-  Robot& known(const RobotId& robot);
+  KnownRobot& known(const RobotId& robot);
   void take(RobotComes&);
   void take(MapReport&);
   void take(const RobotGoes&);
@@ -71,12 +71,12 @@ class Coordinator {
   void take(const LinkIs&);
   scheduling::Problem problem(const std::vector<RobotId>& robots);
   std::vector<RobotId> those_with_room() const;
-  Candidate staying(const scheduling::Latency&) const;
-  Candidate planned(const scheduling::Latency&, CoordinatorDecision&) const;
+  CandidatePlan staying(const scheduling::Latency&) const;
+  CandidatePlan planned(const scheduling::Latency&, CoordinatorDecision&) const;
 
   CoordinatorOptions options_;
   scheduling::OverlapEstimator overlaps_;
-  std::map<RobotId, Robot> robots_;
+  std::map<RobotId, KnownRobot> robots_;
   std::map<TierId, scheduling::EdgeResources> edges_;
   std::map<std::pair<RobotId, TierId>, scheduling::RobotLink> links_;
   std::map<RobotId, TierId> edge_of_;

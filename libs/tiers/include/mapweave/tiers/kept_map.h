@@ -1,5 +1,5 @@
 #pragma once
-// What a map server keeps of a client that forgets, to stay bounded itself (CVS III-A, III-B).
+// What a camera map server keeps of a client that forgets, to stay bounded itself (CVS III-A, III-B).
 
 #include <mapweave/maps/receipt.h>
 #include <mapweave/visual/visual_client.h>

@@ -1,5 +1,5 @@
 #pragma once
-// Where a map server puts what it keeps but does not want to hold in memory.
+// Where a camera map server puts what it keeps but does not want to hold in memory.
 
 #include <cstdint>
 #include <string>

@@ -71,11 +71,11 @@ class UpdateInbox {
   std::set<LandmarkId> forgotten_landmarks_;
   std::map<NodeId, Pose3> taken_out_;
   std::uint64_t stored_ = 0;
-  struct Waiting {
+  struct EarlyUpdate {
     MapUpdate update;
     std::size_t bytes;
   };
-  std::map<std::uint64_t, Waiting> waiting_;
+  std::map<std::uint64_t, EarlyUpdate> waiting_;
   std::size_t waiting_bytes_ = 0;
 };
 

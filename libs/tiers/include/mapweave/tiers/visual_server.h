@@ -74,12 +74,12 @@ struct ServerOptions {
              "not depend on computing time; larger values use it later and leave more time to compute");
     v.flag("wait", wait,
            "use the result of a merge exactly fuse_delay_s after its start, waiting for the computation if needed; "
-           "off: as soon as it is "
+           "false: as soon as it is "
            "computed, as live servers do, which is not repeatable");
     v.integer("judged_pairs", judged_pairs, 1, 1000000,
               "most keyframe pairs that one full merge compares for each map, spread evenly over the other maps; "
-              "larger values find more common places and take longer; at least 12 for each other map, at most "
-              "fusion.visual.most_pairs");
+              "larger values find more common places and take longer. Each other map gets at least 12 pairs, and at "
+              "most fusion.visual.most_pairs");
     v.positive("far_m", far_m,
                "landmarks farther than this distance in metres from a camera are not shared with it; larger values "
                "share more landmarks");
@@ -97,7 +97,7 @@ struct ServerOptions {
               "the final map; larger values share more and need more memory");
     v.flag("across_edges", across_edges,
            "camera map servers of several edges send each other, through the cloud, what their clients publish, so "
-           "that cameras of different edges share too; off: cameras share within their edge alone");
+           "that cameras of different edges share too; false: cameras share within their edge alone");
     v.section("index", index, "lookup of shared landmarks by place");
     v.section("retrieval", retrieval, "which landmarks of other robots a camera may see from where it is");
     v.section("description", description, "descriptors and position errors of shared landmarks");

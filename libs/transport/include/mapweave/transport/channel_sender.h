@@ -33,14 +33,14 @@ class ChannelSender {
   // As Channel::send. Control messages (opens, closes) always have room.
   Channel::Sent put(Envelope envelope, std::size_t priority, WireKind kind = WireKind::message);
 
-  struct Part {
+  struct MessagePart {
     std::uint64_t token = 0;  // names it
     std::size_t priority = 0;
     std::string bytes, message_id;
   };
   // The next part to publish: of the most urgent class that is not held up; nullopt: none now. No more than the link
   // carries in a second is on its path, so that what is urgent does not wait behind what is not.
-  std::optional<Part> next(double now_s);
+  std::optional<MessagePart> next(double now_s);
   // It could not be handed over.
   void not_sent(std::uint64_t token);
   // What the broker says. Where its stream is full or gone, the class is held up for a while, then tried again.
@@ -93,7 +93,7 @@ class ChannelSender {
     std::size_t bytes;
   };
   void begin(Outgoing& message, std::size_t priority, std::uint64_t number) const;
-  std::optional<Part> next_of(std::size_t priority, double now_s);
+  std::optional<MessagePart> next_of(std::size_t priority, double now_s);
   PartProgress* progress_of(const Flying& flying);
   std::size_t window() const;
   std::size_t part_bytes() const;

@@ -49,18 +49,18 @@ class Reassembly {
 
  private:
   using Key = std::tuple<std::uint64_t, std::uint8_t, std::uint64_t, Hash>;  // session, priority, number, hash
-  struct Part {
+  struct ReceivedPart {
     std::string bytes, tag;
   };
-  struct Waiting {
+  struct IncompleteMessage {
     WireHeader header;
     Envelope envelope;  // without bytes
-    std::map<std::uint32_t, Part> parts;
+    std::map<std::uint32_t, ReceivedPart> parts;
     std::size_t bytes = 0, cost = 0;
     double last_s = 0.0;
   };
   struct Sender {
-    std::map<Key, Waiting> waiting;
+    std::map<Key, IncompleteMessage> waiting;
     std::size_t cost = 0;
     double allowed_bytes = 0.0, allowed_parts = 0.0, last_s = 0.0;
   };
@@ -69,7 +69,7 @@ class Reassembly {
   bool is_allowed(Sender& sender, std::size_t bytes, double now_s) const;
   std::optional<WireRefusal> keep(Sender& sender, const WirePart& part, std::string& tag, Result& result);
   bool make_room(Sender& sender, const Key& keep, std::size_t cost, std::vector<std::string>& given_up);
-  void drop(Sender& sender, std::map<Key, Waiting>::iterator one, std::vector<std::string>& given_up);
+  void drop(Sender& sender, std::map<Key, IncompleteMessage>::iterator one, std::vector<std::string>& given_up);
 
   ReassemblyLimits limits_;
   std::map<std::string, Sender> senders_;

@@ -148,7 +148,7 @@ struct MemoryOptions {
 
 struct VisualLoopOptions {
   bool enabled = true;
-  int witnesses = 3;
+  int agreeing_keyframes = 3;
   double least_probability = 0.7;
   double drift = 0.03;
   double drift_m = 0.3;
@@ -157,9 +157,9 @@ struct VisualLoopOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.flag("enabled", enabled,
-           "search for loop closures of a camera's map; off: drift stays, and sessions are not joined");
+           "search for loop closures of a camera's map; false: drift stays, and sessions are not joined");
     v.integer(
-        "witnesses", witnesses, 1, 20,
+        "agreeing_keyframes", agreeing_keyframes, 1, 20,
         "number of keyframes that must agree on a loop closure for it to be believed; larger values close fewer loops");
     v.fraction("least_probability", least_probability,
                "least probability that two keyframes show one place to count for a loop closure; larger values close "
@@ -175,8 +175,8 @@ struct VisualLoopOptions {
              "recorded time in seconds from detecting a loop closure until its correction is applied; fixed, so that "
              "results do not depend on computing time; larger values correct later and leave more time to compute");
     v.flag("wait", wait,
-           "apply a loop correction exactly delay_s after its detection, waiting for the computation if needed; off: "
-           "as soon as it is "
+           "apply a loop correction exactly delay_s after its detection, waiting for the computation if needed; "
+           "false: as soon as it is "
            "computed, which is not repeatable");
   }
 };

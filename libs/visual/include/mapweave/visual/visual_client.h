@@ -24,14 +24,14 @@ enum class TrackState { waiting, tracked, lost };  // waiting: for a first frame
 struct Tracked {
   TrackState state = TrackState::waiting;
   Pose3 map_from_camera;  // where tracked
-  int landmarks = 0;      // seen
-  bool keyframe = false;  // became one
-  int session = 0;        // whose map that is
+  int landmarks = 0;      // landmarks that the frame sees
+  bool keyframe = false;  // the frame became a keyframe
+  int session = 0;        // number of the session whose map it is in
 };
 
 struct PlacedFrame {
   Stamp stamp;
-  Pose3 map_from_camera;  // the map of its session
+  Pose3 map_from_camera;  // in the map of its session
   int session = 0;
 };
 
@@ -43,25 +43,25 @@ struct ClosedLoop {
 // A keyframe that another client made and this one keeps.
 struct PlacedShared {
   NodeId id;
-  int session = 0;        // in whose map it lies
+  int session = 0;        // number of the session whose map it lies in
   Pose3 map_from_camera;  // of the camera that made it
   std::size_t landmarks = 0;
 };
 
 struct MappedLandmark {
   Eigen::Vector3d point_in_map;
-  int sightings = 0;  // keyframes that see it
+  int sightings = 0;  // number of keyframes that see it
   int session = 0;
 };
 
-// Of a keyframe that the client no longer has (MemoryOptions::keyframes), as take_updates() says it.
+// Pose of a keyframe that the client has forgotten (MemoryOptions::keyframes), as take_updates() reports it.
 struct PlacedForgotten {
   NodeId id;
-  MapId map;  // that it lies in now
+  MapId map;  // the map that it lies in now
   Pose3 map_from_robot;
 };
 
-// In the frame that was tracked last.
+// A landmark that the last tracked frame sees.
 struct SeenLandmark {
   int landmark = 0;  // the same number in every frame
   Eigen::Vector2d pixel;
