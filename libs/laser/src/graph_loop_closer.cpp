@@ -36,8 +36,6 @@ constexpr double kFinishApart_m = 6.0, kFinishSigma_m = 0.7;
 constexpr int kFinishRounds = 2;
 constexpr double kFarBefore_m = 4.0;  // and more than kFinishApart_m: far from each other before
 constexpr int kFoldRounds = 3;
-// No loop is stiffer than 2 cm and 3 mrad: chosen as what the anchors of two submaps are known to at best.
-constexpr double kLoopVariance_m2 = 4e-4, kLoopVariance_rad2 = 9e-6;
 
 }  // namespace
 
@@ -305,8 +303,7 @@ std::vector<Constraint> LaserLoopCloser::loops() const {
   std::vector<Constraint> result;
   for (const auto& loop : loops_) {
     if (loop.state != State::committed) continue;
-    const Eigen::Matrix3d floor = Eigen::Vector3d(kLoopVariance_m2, kLoopVariance_m2, kLoopVariance_rad2).asDiagonal();
-    Eigen::Matrix3d information = (loop.information.inverse() + floor).inverse();
+    Eigen::Matrix3d information = (loop.information.inverse() + own_anchors_covariance()).inverse();
     Constraint constraint =
         planar_constraint({ConstraintKind::loop, submaps_[loop.a].anchor, submaps_[loop.b].anchor, 0}, loop.a_from_b,
                           0.5 * (information + information.transpose()));
