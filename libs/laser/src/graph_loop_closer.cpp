@@ -11,10 +11,6 @@
 namespace mapweave::laser {
 namespace {
 
-// Two submaps may show the same walls while their middles are nearer than this share of their radii together. What is
-// seen at the end of a hall makes a circle large and is too little to match by: hence the bound on a radius.
-constexpr double kOverlapping = 0.6;
-constexpr float kLargestRadius_m = 12.0F;
 // Of the uncertainty of where submaps lie: what is compared at all, and the wider window in which it is searched.
 constexpr double kReachSigmas = 2.5, kWindowSigmas = 3.0;
 constexpr double kLeastRadius_m = 0.6, kLeastYaw_rad = 0.05;  // of a window: a few cells, what matches are off
@@ -74,8 +70,9 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   for (std::size_t i = 0; i + kSharing < number; ++i) {
     const double distance = (centres[i] - centres[number]).norm();
     const double reach = std::min(kReachSigmas * uncertainty[i].position_m, options_.loops.max_radius_m);
-    const double extent = kOverlapping * std::min(kLargestRadius_m, submaps_[i].radius_m) +
-                          kOverlapping * std::min(kLargestRadius_m, submaps_[number].radius_m);
+    const double extent =
+        matching::kOverlapShare * std::min(matching::kLargestOverlapRadius_m, submaps_[i].radius_m) +
+        matching::kOverlapShare * std::min(matching::kLargestOverlapRadius_m, submaps_[number].radius_m);
     if (distance > reach + extent) continue;
     near.emplace_back(distance, i);
     alike.emplace_back(matching::ring_distance(submaps_[i].keys, submaps_[number].keys), i);

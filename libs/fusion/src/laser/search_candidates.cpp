@@ -1,6 +1,7 @@
 #include "search_candidates.h"
 
 #include <mapweave/maps/alignment.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,10 +14,8 @@ constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is know
 constexpr double kFarthestReach_m = 50.0;
 constexpr double kWindowSigmas = 3.0;
 constexpr double kUnexpectedSigmas = 12.0;  // what the graph may be wrong by, where it misses a loop: 7 were seen
-constexpr double kLittleKnown_m = 2.0;      // standard deviation from which it may miss one
 constexpr std::size_t kAlike = 4, kAlikeTried = 16;  // that a place chooses, from so many that look most like it
 constexpr std::size_t kMostAlike = 600;              // questions
-constexpr double kLargestWindow_m = 12.0;
 constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 
 // Of motions of a frame, as motions of a place of the team's frame that moves along with it.
@@ -51,9 +50,10 @@ SearchCandidates::SearchCandidates(const std::vector<PreparedMap>& maps, const S
 // How far apart the middles of two submaps may lie that show the same.
 double SearchCandidates::reach_m(std::size_t i, std::size_t j) const {
   const auto radius_m = [&](std::size_t s) {
-    return std::min(12.0, static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]));
+    return static_cast<double>(
+        std::min(matching::kLargestOverlapRadius_m, maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]));
   };
-  return std::clamp(0.6 * (radius_m(i) + radius_m(j)), kNearSubmaps_m, kFarSubmaps_m);
+  return std::clamp(matching::kOverlapShare * (radius_m(i) + radius_m(j)), kNearSubmaps_m, kFarSubmaps_m);
 }
 
 double SearchCandidates::unlikeness(std::size_t i, std::size_t j) const {
@@ -173,7 +173,7 @@ matching::WideWindow SearchCandidates::window_on_each_other(std::size_t place, s
     const std::size_t s = solved_.submaps[k];
     return static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]);
   };
-  window.radius_m = std::min(kLargestWindow_m, std::max(4.0, 0.7 * (radius_m(place) + radius_m(of))));
+  window.radius_m = wide_radius_m(radius_m(place) + radius_m(of));
   window.yaw_rad = yaw_rad;
   return window;
 }

@@ -14,7 +14,6 @@ namespace mapweave::runtime {
 namespace {
 
 constexpr std::chrono::milliseconds kStep{20};
-constexpr std::size_t kMostLinks = 1000;
 constexpr char kEdge[] = "edge";
 
 std::unique_ptr<LiveMapServer> map_server_of(const TierId& edge, const LiveSite& site) {
@@ -120,8 +119,7 @@ void LiveEdge::State::replay() {
     const std::lock_guard lock(mutex);
     counts.trouble = error.what();
   }
-  constexpr std::uint64_t kNeverLong = std::uint64_t{1} << 62;
-  saver.emplace(std::move(journal), kNeverLong, [] {});
+  saver.emplace(std::move(journal), JournalSaver::kNeverLong, [] {});
 }
 
 void LiveEdge::State::keep(Robot& robot, Sensed sensed, std::size_t bytes) {

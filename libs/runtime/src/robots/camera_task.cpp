@@ -290,7 +290,6 @@ struct CameraTask::State {
 CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
                        Progress& progress)
     : state_(new State(robot)) {
-  constexpr std::uint64_t kKilobyte = 1000;
   state_->rig = configuration.rig;
   state_->keep_going = keep_going;
   state_->has_server = configuration.server.share != tiers::Sharing::none;
@@ -311,7 +310,6 @@ std::optional<Stamp> CameraTask::next() const {
 }
 
 void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
-  constexpr std::uint64_t kKilobyte = 1000;
   State& state = *state_;
   state.guarded([&] {
     while (state.next && (!until || state.next->stamp < *until)) {

@@ -96,7 +96,6 @@ struct LaserTask::State {
 LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, bool may_move,
                      Progress& progress)
     : state_(new State(robot, configuration, progress, keep_going, may_move)) {
-  constexpr std::uint64_t kKilobyte = 1000;
   state_->guarded([&] {
     state_->begin_mapping();
     state_->log = rawlog::open_log(robot.log, configuration.reading);
@@ -117,7 +116,6 @@ std::uint64_t LaserTask::scans() const { return state_->agent.scans(); }
 std::uint64_t LaserTask::sensed_bytes() const { return state_->work.sensed_bytes; }
 
 void LaserTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
-  constexpr std::uint64_t kKilobyte = 1000;
   State& state = *state_;
   state.guarded([&] {
     while (state.next && (!until || state.next->stamp < *until)) {

@@ -1,5 +1,6 @@
 #include "shared_loops.h"
 
+#include "loop_claims.h"
 #include "sharing/borrowed_landmarks.h"
 
 #include <algorithm>
@@ -8,18 +9,13 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::uint32_t kMemory = 10;  // keyframes for which a claim stands
-// Keyframes most alike that are named, and that are judged of them: a keyframe must not take longer than till the next.
-constexpr std::size_t kLookedUp = 6, kJudged = 2;
-constexpr std::size_t kCovisible = 2;                                // own keyframes that speak with the newest
-constexpr double kTurnApart = 0.05, kScaleApart = 0.15;              // claims that agree; the last of logarithms
-constexpr double kStands_m = 0.1, kStands_rad = 0.03;                // less is no loop: tracking corrects it
-constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;  // that a loop may correct
-constexpr int kLeastShown = 20;                                      // landmarks: of fewer, a share says nothing
-constexpr double kShownShare = 0.6;                                  // of the landmarks found
-constexpr double kFar = 0.05, kClose = 0.015;  // widths of the picture: where a landmark is looked for
-
-double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angle(); }
+// Keyframes most alike that are named, of which kJudged are judged: a keyframe must not take longer than till the next.
+constexpr std::size_t kLookedUp = 6;
+constexpr std::size_t kCovisible = 2;                  // own keyframes that speak with the newest
+constexpr double kStands_m = 0.1, kStands_rad = 0.03;  // less is no loop: tracking corrects it
+constexpr int kLeastShown = 20;                        // landmarks: of fewer, a share says nothing
+constexpr double kShownShare = 0.6;                    // of the landmarks found
+constexpr double kFar = 0.05, kClose = 0.015;          // widths of the picture: where a landmark is looked for
 
 // Landmarks that the features show within `radius_px` of where they should be.
 std::vector<Sighting> shown(const std::vector<DescribedLandmark>& landmarks, const FrameFeatureGrid& features,

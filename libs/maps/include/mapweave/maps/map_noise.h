@@ -14,6 +14,10 @@ inline constexpr double kPathDrift_per_m =
     0.02;  // of a path that bends one way all along; from one submap to the next: half of it
 inline constexpr double kSubmapTurn_rad = 0.008;
 
+// Standard deviation of where one submap lies to another, from which a loop between them may have been missed: there
+// places that look alike are compared farther away than drift explains.
+inline constexpr double kLittleKnown_m = 2.0;
+
 inline Eigen::Matrix3d planar_information(double sigma_m, double sigma_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
       .asDiagonal();
