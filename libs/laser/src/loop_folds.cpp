@@ -13,14 +13,14 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr double kMoved_m = 2.0;      // by a cluster of loops, that may fold a map
-constexpr double kPairMoved_m = 1.0;  // two submaps against each other: what they say is news
-constexpr double kLeastOverlap_m2 = 6.0;
+constexpr double kMoved_m = 2.0;          // by a cluster of loops, that may fold a map
+constexpr double kPairMoved_m = 1.0;      // two submaps against each other: what they say is news
+constexpr double kLeastOverlap_m2 = 6.0;  // as judge.min_overlap_m2: what less of a place says is left out
 // Shares of the path in the other submap's walls, and of walls that the other saw through. Measured on clusters that
 // move a map by 2 m or more: right ones reach 0.4 % of the path (cars and people that were there before), wrong ones of
 // simulated warehouses begin at 2.5 %; of walls 5 % indoors, 25 % outdoors, against 24 %.
 constexpr double kThroughWalls = 0.01, kSeenThrough = 0.1;
-constexpr double kLeastThroughWalls_m = 1.0;
+constexpr double kLeastThroughWalls_m = 1.0;              // of the path: a share of a short one says little
 constexpr double kStride_m = 0.05, kLongestStep_m = 2.0;  // farther, the way between two nodes is not known
 
 struct Path {
