@@ -313,10 +313,6 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
   link.wire->use(std::move(robot));
 }
 
-std::shared_ptr<transport::Channel> LiveEdge::connect_camera(const RobotId& robot) {
-  return state_->cameras ? state_->cameras->connect(robot) : nullptr;
-}
-
 void LiveEdge::serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera) {
   if (!state_->cameras) return camera->close();
   try {

@@ -76,7 +76,6 @@ class LiveEdge {
   void serve(std::shared_ptr<transport::Channel> robot);
   // The same for one camera of this robot at the map server, each on a channel of its own; closed where cameras share
   // nothing.
-  std::shared_ptr<transport::Channel> connect_camera(const RobotId& robot);
   void serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera);
   // How many of this robot's cameras have come so far.
   std::size_t cameras_of(const RobotId& robot) const;
