@@ -2,6 +2,7 @@
 
 #include "plan/team_options.h"
 
+#include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/mapdb/update_journal.h>
@@ -22,11 +23,7 @@ std::unique_ptr<LiveMapServer> map_server_of(const TierId& edge, const LiveSite&
   std::optional<std::filesystem::path> journal;
   if (site.journal) {
     journal = journal_of_cameras(*site.journal);
-    std::error_code error;
-    std::filesystem::create_directories(journal->parent_path(), error);
-    if (error)
-      throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(),
-                  journal->parent_path().string(), "name another folder in live.store");
+    make_folder(journal->parent_path(), "name another folder in live.store");
   }
   auto server =
       std::make_unique<LiveMapServer>(edge, configuration.server, configuration.fusion, site.options.map_server,
