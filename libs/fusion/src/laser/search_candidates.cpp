@@ -14,8 +14,8 @@ constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is know
 constexpr double kFarthestReach_m = 50.0;
 // Of where the graph expects a submap: what is compared at all, and the wider window in which it is searched.
 constexpr double kReachSigmas = 2.5, kWindowSigmas = 3.0;
-constexpr double kLeastWindow_m = 0.5,
-                 kLeastYaw_rad = 0.04;  // of a window: what submaps are off however sure the graph
+// Of a window: what submaps are off however sure the graph is.
+constexpr double kLeastWindow_m = 0.5, kLeastYaw_rad = 0.04;
 // Since a pair was examined: moved by less, as a share of its window's radius and in heading, it is where it was.
 constexpr double kMovedShare = 0.5, kMoved_rad = 0.1;
 constexpr double kUnexpectedSigmas = 12.0;  // what the graph may be wrong by, where it misses a loop: 7 were seen

@@ -8,8 +8,8 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kWaitedFor =
-    4;  // answers, each with its frame and picture: bounds memory, the oldest is given up
+// Answers, each with its frame and picture: bounds memory, the oldest is given up.
+constexpr std::size_t kWaitedFor = 4;
 
 }  // namespace
 
