@@ -16,15 +16,6 @@ struct Arguments {
   KeysArguments keys;
 };
 
-void add_role_arguments(CLI::App& role, RoleArguments& arguments) {
-  role.add_option("CONFIG", arguments.file, "the deployment's configuration, the same for all of its programs")
-      ->required()
-      ->type_name("CONFIG.yaml");
-  role.add_option("--set", arguments.flags.set, "sets one option: key=value, as in live.speed=2")
-      ->type_name("KEY=VALUE")
-      ->allow_extra_args(false);
-}
-
 void add_threads_flag(CLI::App& role, RoleArguments& arguments) {
   role.add_option("--threads", arguments.flags.threads,
                   "threads to merge with; 0: one per processor. Results do not depend on it")
@@ -43,7 +34,8 @@ Action set_up_serve(CLI::App& verb) {
   CLI::App* coordinator = verb.add_subcommand("coordinator", "gives robots to edges, again and again while they drive");
   CLI::App* keys = verb.add_subcommand("keys", "makes certificates, users and passwords for a deployment's broker");
   CLI::App* demo = verb.add_subcommand("demo", "all of them on this machine, with three simulated robots");
-  for (CLI::App* role : {robot, edge, cloud, coordinator, keys}) add_role_arguments(*role, arguments->role);
+  for (CLI::App* role : {robot, edge, cloud, coordinator, keys})
+    add_role_arguments(*role, arguments->role, "live.speed=2");
   robot->add_option("--name", arguments->role.name, "which robot of the configuration it is")->type_name("NAME");
   robot->add_flag("--stdin", arguments->reads_input,
                   "map what standard input brings, a rawlog or an MCAP recording, as it comes; it is kept in the "

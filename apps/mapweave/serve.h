@@ -23,6 +23,10 @@
 #include <string>
 #include <vector>
 
+namespace CLI {
+class App;
+}
+
 namespace mapweave::app {
 
 // "alpha + beta, gamma" of maps that are one.
@@ -132,6 +136,9 @@ struct RoleArguments {
   std::string name;
   WritingFlags flags;
 };
+
+// What the command line of each says of it. example: of an option that is set.
+void add_role_arguments(CLI::App& role, RoleArguments& arguments, const std::string& example);
 
 // What another program adds to a role. Called by the thread that serves.
 class RoleExtension {

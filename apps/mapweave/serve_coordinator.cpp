@@ -201,11 +201,7 @@ ExitCode serve_coordinator(const RoleArguments& arguments, RoleExtension& extens
     throw Error(ErrorCode::kBadInput, "the configuration has no coordinator", "coordinator.method",
                 "set how it groups robots: coordinator: {method: default}");
   RunningSince since(deployment.live());
-  std::error_code error;
-  std::filesystem::create_directories(out, error);
-  if (error)
-    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(), out.string(),
-                "name another one in --out");
+  make_folder(out, "name another one in --out");
   const auto progress = make_terminal_progress();
   extension.begin(deployment, kName, signals);
   const std::unique_ptr<runtime::Wires> wires = extension.wires(deployment, std::nullopt);

@@ -33,12 +33,8 @@ class PrivateFiles {
   mode_t before_;
 };
 
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error)
-    throw Error(ErrorCode::kCannotWrite, "the folder for keys cannot be made: " + error.message(), folder.string(),
-                "name another one in --out");
+void make_folder_for_keys(const fs::path& folder) {
+  make_folder(folder, "name another one in --out", "the folder for keys cannot be made");
 }
 
 transport::Certified authority_in(const fs::path& folder) {
@@ -77,7 +73,7 @@ std::pair<std::string, int> address_of(const runtime::EdgeEntry& edge) {
 // What a server in this folder shows of itself, into the folder.
 transport::BrokerOptions broker_in(const fs::path& folder, const transport::Certified& authority,
                                    std::vector<std::string> hosts, int port) {
-  make_folder(folder);
+  make_folder_for_keys(folder);
   hosts.insert(hosts.end(), {"localhost", "127.0.0.1"});
   const transport::Certified broker = transport::make_server_certificate(authority, hosts, kBrokerDays);
   write_file(folder / "broker.pem", broker.certificate);
@@ -97,7 +93,7 @@ ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments)
   const PrivateFiles only_for_us;
   const fs::path& folder = arguments.out;
   const runtime::RunConfiguration& configuration = deployment.loaded.configuration;
-  make_folder(folder);
+  make_folder_for_keys(folder);
   const transport::Certified authority = authority_in(folder);
   std::set<std::string> users, kept;
   const auto give_passwords = [&](std::vector<transport::BrokerUser> all) {

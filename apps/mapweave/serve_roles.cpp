@@ -2,6 +2,7 @@
 
 #include "serve.h"
 
+#include "command_line.h"
 #include "configuration.h"
 #include "configuration_reload.h"
 #include "misplaced_input.h"
@@ -9,6 +10,7 @@
 #include "service_notify.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
@@ -44,11 +46,7 @@ std::string chosen(const std::string& kind, const std::string& name, const std::
 }
 
 std::optional<std::filesystem::path> journal_in(const runtime::LiveOptions& live, const std::string& name) {
-  std::error_code error;
-  std::filesystem::create_directories(live.store, error);
-  if (error)
-    throw Error(ErrorCode::kCannotWrite, "the store cannot be made: " + error.message(), live.store,
-                "name another folder in live.store");
+  make_folder(live.store, "name another folder in live.store", "the store cannot be made");
   return std::filesystem::path(live.store) / (name + ".mwj");
 }
 
@@ -120,6 +118,15 @@ class RobotLines {
 };
 
 }  // namespace
+
+void add_role_arguments(CLI::App& role, RoleArguments& arguments, const std::string& example) {
+  role.add_option("CONFIG", arguments.file, "the deployment's configuration, the same for all of its programs")
+      ->required()
+      ->type_name("CONFIG.yaml");
+  role.add_option("--set", arguments.flags.set, "sets one option: key=value, as in " + example)
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+}
 
 std::unique_ptr<runtime::Wires> RoleExtension::wires(const Deployment& deployment,
                                                      const std::optional<TierId>& edge) const {

@@ -18,15 +18,6 @@ struct Arguments {
   TeamArguments team;
 };
 
-void add_role_arguments(CLI::App& role, app::RoleArguments& arguments) {
-  role.add_option("CONFIG", arguments.file, "the deployment's configuration, the same for all of its programs")
-      ->required()
-      ->type_name("CONFIG.yaml");
-  role.add_option("--set", arguments.flags.set, "sets one option: key=value, as in live.preview_period_s=1")
-      ->type_name("KEY=VALUE")
-      ->allow_extra_args(false);
-}
-
 void add_out(CLI::App& role, app::WritingFlags& flags, const std::string& what) {
   role.add_option("-o,--out", flags.out, what)->required()->type_name("DIR");
 }
@@ -99,7 +90,8 @@ ExitCode run_program(int argc, char** argv) {
   CLI::App* coordinator = program.add_subcommand("coordinator", "gives robots to edges, again and again");
   add_team_arguments(*team, given.team);
   for (CLI::App* one : {team, robot, edge, cloud, coordinator}) one->group("Verbs");
-  for (CLI::App* one : {robot, edge, cloud, coordinator}) add_role_arguments(*one, given.role);
+  for (CLI::App* one : {robot, edge, cloud, coordinator})
+    app::add_role_arguments(*one, given.role, "live.preview_period_s=1");
   for (CLI::App* one : {robot, edge})
     one->add_option("--name", given.role.name, "which one of the configuration it is")->type_name("NAME");
   for (CLI::App* one : {edge, cloud})

@@ -22,9 +22,9 @@ TEST(TinyWorlds, have_a_scan_at_every_step_and_robots_by_number) {
   TeamOptions options;
   options.robots = 3;
   options.length_m = 8.0;
-  for (const SimulatedTeam& team : {make_corridor({}, options), make_apartment({}, options),
-                                    make_repeated_rooms({}, options), make_mirrored_rooms({}, options),
-                                    make_hall({}, options), make_ring({}, options), make_two_strangers({}, options)}) {
+  for (const SimulatedTeam& team :
+       {make_corridor({}, options), make_apartment({}, options), make_repeated_rooms({}, options),
+        make_mirrored_rooms({}, options), make_ring({}, options), make_two_strangers({}, options)}) {
     ASSERT_EQ(team.robots.size(), 3u);
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(team.robots[i].id.str(), "robot" + std::to_string(i));

@@ -193,6 +193,12 @@ void write_file(const fs::path& path, std::string_view bytes) {
   sync_folder(folder_of(path));
 }
 
+void make_folder(const fs::path& folder, const std::string& remedy, const std::string& problem) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(ErrorCode::kCannotWrite, problem + ": " + error.message(), folder.string(), remedy);
+}
+
 void expect_outside(const fs::path& out_folder, const std::vector<fs::path>& inputs) {
   const auto whole = [&](const fs::path& path) {
     std::error_code problem;

@@ -26,6 +26,7 @@ Eigen::Matrix3d planar(const Eigen::Matrix<double, 6, 6>& spatial) {
   return result;
 }
 
+bool is_planar(const Pose3& pose) { return pose.t.z() == 0.0 && pose.q.x() == 0.0 && pose.q.y() == 0.0; }
 bool is_finite(const Pose2& pose) { return std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.phi); }
 
 bool is_finite(const Pose3& pose) { return pose.t.allFinite() && pose.q.coeffs().allFinite(); }

@@ -21,14 +21,20 @@ void expect_success(int result) {
 
 }  // namespace
 
-std::string to_hex(const Hash& hash) {
+std::string to_hex(std::string_view bytes) {
   constexpr char kDigits[] = "0123456789abcdef";
   std::string text;
-  for (const std::uint8_t byte : hash.bytes) {
+  text.reserve(2 * bytes.size());
+  for (const char letter : bytes) {
+    const auto byte = static_cast<unsigned char>(letter);
     text += kDigits[byte >> 4];
     text += kDigits[byte & 15];
   }
   return text;
+}
+
+std::string to_hex(const Hash& hash) {
+  return to_hex(std::string_view(reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()));
 }
 
 struct Hasher::State {

@@ -12,8 +12,6 @@
 namespace mapweave::exporters {
 namespace {
 
-bool is_planar(const Pose3& pose) { return pose.t.z() == 0.0 && pose.q.x() == 0.0 && pose.q.y() == 0.0; }
-
 bool is_planar(const Constraint& constraint) {
   const auto& i = constraint.information;  // z, roll and pitch are rows 2, 3, 4
   return is_planar(constraint.from_from_to.pose) && i.middleRows<3>(2).isZero(0.0) && i.middleCols<3>(2).isZero(0.0);

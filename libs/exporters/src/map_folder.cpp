@@ -10,12 +10,8 @@
 namespace mapweave::exporters {
 namespace {
 
-void make_folder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error)
-    throw Error(ErrorCode::kCannotWrite, "cannot make the folder: " + error.message(), folder.string(),
-                "choose another --out");
+void make_out_folder(const std::filesystem::path& folder) {
+  make_folder(folder, "choose another --out", "cannot make the folder");
 }
 
 // Files of trajectories by their names: one of a single robot at the top; each of several robots' in a file of its own.
@@ -38,7 +34,7 @@ std::vector<std::pair<std::filesystem::path, std::string>> trajectory_texts(cons
 
 std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map& map,
                                                     const OccupancyGrid& grid, const MapFolderOptions& options) {
-  make_folder(folder);
+  make_out_folder(folder);
   std::vector<std::filesystem::path> written;
   const auto put = [&](const std::filesystem::path& name, const std::string& bytes) {
     write_file(folder / name, bytes);
@@ -60,7 +56,7 @@ std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path&
   if (options.files.pcd) put("map.pcd", pcd_bytes(map, options.cloud));
   if (options.files.tum)
     for (const auto& [name, text] : trajectory_texts(map, options.files.robot_trajectories)) {
-      make_folder((folder / name).parent_path());
+      make_out_folder((folder / name).parent_path());
       put(name, text);
     }
   if (options.files.g2o) put("map.g2o", g2o_text(map));

@@ -43,41 +43,28 @@ std::string compressed(std::string_view plain) {
 std::uint16_t schema_of(RosType type) { return static_cast<std::uint16_t>(static_cast<int>(type) + 1); }
 
 void append_schema(std::string& to, RosType type) {
-  std::string fields;
-  append_number(fields, schema_of(type));
-  append_text(fields, ros_type_name(type, RosGeneration::ros2));
-  append_text(fields, "ros2msg");
-  append_text(fields, ros_definition(type, RosGeneration::ros2));
-  append_record(to, Opcode::kSchema, fields);
+  mcap::append_schema(to, schema_of(type), ros_type_name(type, RosGeneration::ros2), "ros2msg",
+                      ros_definition(type, RosGeneration::ros2));
 }
 
 void append_channel(std::string& to, std::uint16_t number, const RosTopic& topic) {
   std::string metadata;
   append_text(metadata, "offered_qos_profiles");
   append_text(metadata, topic.latched ? kLatched : "");
-  std::string fields;
-  append_number(fields, number);
-  append_number(fields, schema_of(topic.type));
-  append_text(fields, topic.name);
-  append_text(fields, "cdr");
-  append_text(fields, metadata);
-  append_record(to, Opcode::kChannel, fields);
+  mcap::append_channel(to, number, schema_of(topic.type), topic.name, "cdr", metadata);
 }
 
 class McapWriter {
  public:
   explicit McapWriter(const RosRecording& recording) : recording_(recording), known_(recording.topics.size(), false) {
     bytes_.assign(mcap::kMagic);
-    std::string header;
-    append_text(header, "ros2");
-    append_text(header, "mapweave");
-    append_record(bytes_, Opcode::kHeader, header);
+    mcap::append_header(bytes_, "ros2", "mapweave");
     for (const RosMessage& message : recording.messages) {
       add(message);
       if (chunk_.size() >= kChunkBytes) end_chunk();
     }
     if (!chunk_.empty()) end_chunk();
-    append_record(bytes_, Opcode::kDataEnd, std::string(sizeof(std::uint32_t), '\0'));
+    mcap::append_data_end(bytes_);
   }
 
   std::string take() {

@@ -15,14 +15,12 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kNearest_m = 0.02;
-
 double soft_cost(double size, double soft) { return size <= soft ? size * size : soft * (2.0 * size - soft); }
 
 // In sigmas: two of the pixel, one of the inverse depth. False behind the camera.
 bool residual_of(const BundleSighting& seen, const Pinhole& camera, const SensorCalibration& calibration,
                  const Vector3d& p, Vector3d& value) {
-  if (!(p.z() > kNearest_m)) return false;
+  if (!(p.z() > kNearestSolved_m)) return false;
   const double z = 1.0 / p.z(), weight = 1.0 / seen.sigma_px;
   value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x() + calibration.readout_s * seen.row_flow.x()),
            weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y() + calibration.readout_s * seen.row_flow.y()),

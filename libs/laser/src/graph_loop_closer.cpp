@@ -11,10 +11,6 @@
 namespace mapweave::laser {
 namespace {
 
-// Two submaps may show the same walls while their middles are nearer than this share of their radii together. What is
-// seen at the end of a hall makes a circle large and is too little to match by: hence the bound on a radius.
-constexpr double kOverlapping = 0.6;
-constexpr float kLargestRadius_m = 12.0F;
 // Of the uncertainty of where submaps lie: what is compared at all, and the wider window in which it is searched.
 constexpr double kReachSigmas = 2.5, kWindowSigmas = 3.0;
 constexpr double kLeastRadius_m = 0.6, kLeastYaw_rad = 0.05;  // of a window: a few cells, what matches are off
@@ -36,8 +32,6 @@ constexpr double kFinishApart_m = 6.0, kFinishSigma_m = 0.7;
 constexpr int kFinishRounds = 2;
 constexpr double kFarBefore_m = 4.0;  // and more than kFinishApart_m: far from each other before
 constexpr int kFoldRounds = 3;
-// No loop is stiffer than 2 cm and 3 mrad: chosen as what the anchors of two submaps are known to at best.
-constexpr double kLoopVariance_m2 = 4e-4, kLoopVariance_rad2 = 9e-6;
 
 }  // namespace
 
@@ -76,8 +70,9 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   for (std::size_t i = 0; i + kSharing < number; ++i) {
     const double distance = (centres[i] - centres[number]).norm();
     const double reach = std::min(kReachSigmas * uncertainty[i].position_m, options_.loops.max_radius_m);
-    const double extent = kOverlapping * std::min(kLargestRadius_m, submaps_[i].radius_m) +
-                          kOverlapping * std::min(kLargestRadius_m, submaps_[number].radius_m);
+    const double extent =
+        matching::kOverlapShare * std::min(matching::kLargestOverlapRadius_m, submaps_[i].radius_m) +
+        matching::kOverlapShare * std::min(matching::kLargestOverlapRadius_m, submaps_[number].radius_m);
     if (distance > reach + extent) continue;
     near.emplace_back(distance, i);
     alike.emplace_back(matching::ring_distance(submaps_[i].keys, submaps_[number].keys), i);
@@ -305,8 +300,7 @@ std::vector<Constraint> LaserLoopCloser::loops() const {
   std::vector<Constraint> result;
   for (const auto& loop : loops_) {
     if (loop.state != State::committed) continue;
-    const Eigen::Matrix3d floor = Eigen::Vector3d(kLoopVariance_m2, kLoopVariance_m2, kLoopVariance_rad2).asDiagonal();
-    Eigen::Matrix3d information = (loop.information.inverse() + floor).inverse();
+    Eigen::Matrix3d information = (loop.information.inverse() + own_anchors_covariance()).inverse();
     Constraint constraint =
         planar_constraint({ConstraintKind::loop, submaps_[loop.a].anchor, submaps_[loop.b].anchor, 0}, loop.a_from_b,
                           0.5 * (information + information.transpose()));

@@ -14,7 +14,6 @@ constexpr double kStretch_m = 5.0;  // of path between two headings that are com
 constexpr double kStep_m = 0.02;    // a robot that stands sees the same points again, with the same errors
 // Stretches. Half of the first steps' variance is taken for noise of matches: that needs more of them.
 constexpr std::size_t kFewest = 6, kFewestFirstSteps = 12, kMost = 40;
-constexpr double kMedianOfNormal = 0.6745;       // of |x| where x is standard normal
 constexpr double kLeast = 0.03, kLargest = 6.0;  // bounds of the factor, whatever few stretches say
 
 template <class Value>

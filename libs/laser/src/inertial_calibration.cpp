@@ -23,7 +23,6 @@ constexpr double kEnoughTurning = 0.6;                         // square radians
 constexpr double kLeastScale = 0.8, kLargestScale = 1.25;      // of a unit that is believed
 constexpr double kScaleSigma = 0.05, kBiasSigma_rad_s = 0.03;  // known well enough
 constexpr double kUnexplained = 0.15;                          // of the turns: such a unit measures something else
-constexpr double kMedianOfNormal = 0.6745;                     // of |x| where x is standard normal
 constexpr double kLeastFactor = 0.5, kLargestFactor = 6.0;     // of the noise, whatever few stretches say
 constexpr double kDead = 0.2;                                  // scale of a unit that does not turn along
 constexpr double kScaleShare = 0.1;                            // standard deviation of a scale that is named

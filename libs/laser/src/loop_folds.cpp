@@ -15,14 +15,12 @@ namespace {
 
 constexpr double kMoved_m = 2.0;          // by a cluster of loops, that may fold a map
 constexpr double kPairMoved_m = 1.0;      // two submaps against each other: what they say is news
-constexpr float kFarthestWall_m = 12.0F;  // from the middle of a submap, of walls that make submaps overlap
-constexpr double kOverlapping = 0.6;      // share of their radii within which middles lie
-constexpr double kLeastOverlap_m2 = 6.0;
+constexpr double kLeastOverlap_m2 = 6.0;  // as judge.min_overlap_m2: what less of a place says is left out
 // Shares of the path in the other submap's walls, and of walls that the other saw through. Measured on clusters that
 // move a map by 2 m or more: right ones reach 0.4 % of the path (cars and people that were there before), wrong ones of
 // simulated warehouses begin at 2.5 %; of walls 5 % indoors, 25 % outdoors, against 24 %.
 constexpr double kThroughWalls = 0.01, kSeenThrough = 0.1;
-constexpr double kLeastThroughWalls_m = 1.0;
+constexpr double kLeastThroughWalls_m = 1.0;              // of the path: a share of a short one says little
 constexpr double kStride_m = 0.05, kLongestStep_m = 2.0;  // farther, the way between two nodes is not known
 
 struct Path {
@@ -127,8 +125,11 @@ bool LaserLoopCloser::folds(const std::vector<Pose2>& before, const std::vector<
   double seen_through_m2 = 0.0, seen_m2 = 0.0;
   for (std::size_t b = kSharing + 1; b <= last; ++b)
     for (std::size_t a = 0; a + kSharing < b; ++a) {
-      const auto reach = [&](std::size_t i) { return std::min(kFarthestWall_m, submaps_[i].radius_m); };
-      if ((centres[a] - centres[b]).norm() > kOverlapping * static_cast<double>(reach(a) + reach(b))) continue;
+      const auto reach = [&](std::size_t i) {
+        return std::min(matching::kLargestOverlapRadius_m, submaps_[i].radius_m);
+      };
+      if ((centres[a] - centres[b]).norm() > matching::kOverlapShare * static_cast<double>(reach(a) + reach(b)))
+        continue;
       const Pose2 a_from_b = between(after[a], after[b]);
       if (moved_m(between(before[a], before[b]), a_from_b) < kPairMoved_m) continue;
       throw_if_interrupted();

@@ -5,6 +5,7 @@
 
 #include <mapweave/core/hash.h>
 #include <mapweave/core/interrupt.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +16,6 @@ namespace mapweave::laser {
 namespace {
 
 constexpr double kSigmas = 6.0;                       // what drift may be worse than it is taken to be
-constexpr double kLittleKnown_m = 2.0;                // standard deviation from which a loop may have been missed
 constexpr std::size_t kStretch = 3, kEvery = 2;       // submaps of a stretch of the path, and from one to the next
 constexpr std::size_t kAlike = 8, kMostAlike = 2000;  // that a stretch chooses; of all: bounds the time
 constexpr double kLeastWindow_m = 4.0, kLargestWindow_m = 16.0, kLeastYaw_rad = 0.2, kLargestYaw_rad = 0.8;

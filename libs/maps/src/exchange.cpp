@@ -9,7 +9,7 @@
 namespace mapweave {
 namespace {
 
-constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4,
+constexpr double kLeastDistance_m = 0.05, kLeastSigma_m = 1e-4,
                  kGrowth = 1.06;  // of distances and deviations from one number to the next
 constexpr double kHalf = 127.0;   // of the 8 bits of an octahedron's side
 
@@ -42,9 +42,11 @@ std::uint32_t steps_of(double length_m, double unit_m) {
   return static_cast<std::uint32_t>(
       std::lround(std::clamp(std::log(length_m / unit_m) / std::log(kGrowth), 0.0, 254.0)));
 }
-std::uint32_t packed_distance(double distance_m) { return distance_m > 0.0 ? steps_of(distance_m, kNearest_m) + 1 : 0; }
+std::uint32_t packed_distance(double distance_m) {
+  return distance_m > 0.0 ? steps_of(distance_m, kLeastDistance_m) + 1 : 0;
+}
 double unpacked_distance(std::uint32_t packed) {
-  return packed == 0 ? 0.0 : kNearest_m * std::pow(kGrowth, packed - 1);
+  return packed == 0 ? 0.0 : kLeastDistance_m * std::pow(kGrowth, packed - 1);
 }
 
 void expect_sound_name(const MapId& map) { MAPWEAVE_EXPECT(is_valid_name(map.str()), "a message speaks of a map"); }

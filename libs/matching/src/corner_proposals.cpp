@@ -1,5 +1,6 @@
 #include <mapweave/matching/corner_proposals.h>
 
+#include "distinct_alignments.h"
 #include "point_registration.h"
 
 #include <algorithm>
@@ -22,7 +23,6 @@ constexpr double kSameCorner_m = 0.8, kSameCorner_rad = 20.0 * M_PI / 180.0;
 constexpr std::size_t kFewestFaces = 10;
 constexpr std::size_t kSomeFaces = 400;  // that stand for all of a map: bounds time
 constexpr double kDeep_m = 0.5;          // from here on free space contradicts a wall
-constexpr double kApart_m = 2.5, kApart_rad = 8.0 * M_PI / 180.0;
 
 // Where walls are, and which way they face, at a glance.
 class FaceRaster {

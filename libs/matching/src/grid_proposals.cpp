@@ -1,5 +1,7 @@
 #include <mapweave/matching/grid_proposals.h>
 
+#include "distinct_alignments.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,8 +16,6 @@ constexpr double kBlur_cells = 1.25;  // how far apart walls may lie and still s
 constexpr double kShallow_m = 0.5;    // free space begins to contradict walls at this depth and does so fully
 constexpr double kDeep_m = 1.0;       // at this
 constexpr int kPeaks = 4;             // of each rotation and scale
-// Nearer proposals refine to the same alignment.
-constexpr double kApart_m = 2.5, kApart_rad = 8.0 * M_PI / 180.0;
 // Bins of a degree; peaks of one direction lie nearer than that.
 constexpr int kDirections = 360, kDirectionsApart = 6;
 constexpr double kDirectionBlur = 2.5;  // bins: how far normals of one wall scatter

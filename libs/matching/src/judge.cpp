@@ -30,7 +30,6 @@ constexpr double kSame_m = 0.4, kSame_rad = 0.15;  // apart: less is the same pl
 // floor is that of the submaps' own drift: 1 cm and 0.1 degrees. What no wall holds gets 10 m and 3 rad.
 constexpr double kPointsOfOne = 50.0;
 constexpr double kFloor_m2 = 1e-4, kFloor_rad2 = 3e-6, kUnheld_per_m2 = 1e-2, kUnheld_per_rad2 = 1e-1;
-constexpr double kDoubtful = 0.1;  // the factor on the probability of what is doubted: below any threshold
 
 struct OneDirection {
   std::size_t inliers = 0, contradicted = 0, unclear = 0;
@@ -314,7 +313,7 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   judgement.evidence = best;
   judgement.doubt = doubt_of(best, options);
   judgement.probability = probability_of(best);
-  if (judgement.doubt != Reason::none) judgement.probability *= kDoubtful;
+  if (judgement.doubt != Reason::none) judgement.probability *= kProbabilityOfDoubt;
   return judgement;
 }
 

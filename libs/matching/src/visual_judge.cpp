@@ -195,7 +195,8 @@ class Judge {
           std::min(1.0, share(static_cast<double>(rival->matches.size()), static_cast<double>(best->matches.size())));
       judgement.doubt = doubt_of(judgement.evidence, inliers);
     }
-    judgement.probability = probability_of(judgement.evidence, inliers) * (judgement.doubt == Reason::none ? 1.0 : 0.1);
+    judgement.probability =
+        probability_of(judgement.evidence, inliers) * (judgement.doubt == Reason::none ? 1.0 : kProbabilityOfDoubt);
     return result;
   }
 

@@ -18,7 +18,7 @@ class Parts {
     if (std::filesystem::exists(folder, problem))
       throw Error(ErrorCode::kCannotWrite, "the folder exists", folder.string(), "choose another folder, or remove it");
     folders_.push_back(folder);
-    make_folder(folder);
+    make_part_folder(folder);
   }
   void keep() { folders_.clear(); }
   ~Parts() {
@@ -42,7 +42,7 @@ FolderPart frames_within(const CameraFolder& whole, const TimeRange& time) {
 }  // namespace
 
 void link_file(const std::filesystem::path& from, const std::filesystem::path& to) {
-  make_folder(to.parent_path());
+  make_part_folder(to.parent_path());
   std::error_code problem;
   const auto source = std::filesystem::canonical(from, problem);
   if (problem)
@@ -61,7 +61,7 @@ void link_file(const std::filesystem::path& from, const std::filesystem::path& t
 void copy_if_there(const CameraFolder& whole, const std::filesystem::path& name, const std::filesystem::path& out) {
   std::error_code problem;
   if (!std::filesystem::is_regular_file(whole.folder / name, problem)) return;
-  make_folder((out / name).parent_path());
+  make_part_folder((out / name).parent_path());
   std::filesystem::copy_file(whole.folder / name, out / name, problem);
   if (problem)
     throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), (out / name).string(),
@@ -69,7 +69,7 @@ void copy_if_there(const CameraFolder& whole, const std::filesystem::path& name,
 }
 
 void write_list(const std::filesystem::path& to, const std::string& text) {
-  make_folder(to.parent_path());
+  make_part_folder(to.parent_path());
   write_file(to, text);
 }
 

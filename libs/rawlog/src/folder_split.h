@@ -23,7 +23,7 @@ void expect_parts(const std::filesystem::path& log, const std::vector<Stamp>& cu
                   const std::vector<SplitPart>& parts);
 // One more observation of a part.
 void count_observation(const mrpt::obs::CObservation& observation, SplitPart& part);
-void make_folder(const std::filesystem::path& folder);  // throws Error kCannotWrite
+void make_part_folder(const std::filesystem::path& folder);  // throws Error kCannotWrite
 
 std::vector<SplitPart> split_folder(const std::filesystem::path& folder, const std::filesystem::path& out_folder,
                                     const SplitOptions& options, Progress& progress);

@@ -52,7 +52,7 @@ std::vector<SplitPart> split_by_namespace(const std::filesystem::path& bag, cons
   if (robots.empty())
     throw Error(ErrorCode::kBadInput, "its sensors are in no namespace", bag.string(),
                 "look at its topics with: mapweave inspect BAG");
-  make_folder(out_folder);
+  make_part_folder(out_folder);
   std::vector<SplitPart> parts;
   try {
     for (const std::string& robot : robots) {

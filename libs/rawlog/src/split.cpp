@@ -2,6 +2,7 @@
 #include "task.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
 #include <mapweave/core/geometry.h>
 #include <mapweave/rawlog/contents.h>
 #include <mapweave/rawlog/rawlog_writer.h>
@@ -130,13 +131,7 @@ TimeRange part_of(const std::vector<Stamp>& cuts, int part, const SplitOptions& 
                                            : cuts[static_cast<std::size_t>(part)].ns + overlap_ns}};
 }
 
-void make_folder(const std::filesystem::path& folder) {
-  std::error_code problem;
-  std::filesystem::create_directories(folder, problem);
-  if (problem)
-    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), folder.string(),
-                "choose another folder");
-}
+void make_part_folder(const std::filesystem::path& folder) { make_folder(folder, "choose another folder"); }
 
 void expect_parts(const std::filesystem::path& log, const std::vector<Stamp>& cuts, const TimeRange& range,
                   const std::vector<SplitPart>& parts) {
@@ -161,7 +156,7 @@ std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::fi
   if (is_picture_folder(log)) return split_folder(log, out_folder, options, progress);
   const auto cuts = cuts_of(options, [&] { return range_of(log, options, progress); });
   const auto stream = open_log(log, options.reading);
-  make_folder(out_folder);
+  make_part_folder(out_folder);
   std::vector<std::unique_ptr<PartWriter>> parts;
   for (int i = 0; i < options.robots; ++i) {
     const TimeRange part = part_of(cuts, i, options);

@@ -21,7 +21,6 @@ class Task {
   }
 
  private:
-  static constexpr std::uint64_t kKilobyte = 1000;
   const ObservationStream& stream_;
   ProgressTask task_;
   std::uint64_t records_ = 0;

@@ -45,11 +45,7 @@ void write_picture(const std::filesystem::path& path, const Picture& picture, in
   }
 }
 
-void make_folder(const std::filesystem::path& path) {
-  std::error_code problem;
-  std::filesystem::create_directories(path, problem);
-  if (problem) throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), path.string());
-}
+void make_own_folder(const std::filesystem::path& path) { make_folder(path, ""); }
 
 std::string camera_yaml(const CameraOptions& options) {
   const CameraIntrinsics c = options.intrinsics();
@@ -80,20 +76,20 @@ CameraLog::CameraLog(const World& world, std::size_t robot, std::size_t camera, 
       robot_(world.robot_id(robot).str()) {
   const CameraOptions& of_camera = recording_.options();
   own_folder_ = folder_ / (robot_ + "_" + of_camera.id);
-  if (has_rawlog() && options_.pictures != PictureFormat::embedded) make_folder(folder_ / (robot_ + "_Images"));
+  if (has_rawlog() && options_.pictures != PictureFormat::embedded) make_own_folder(folder_ / (robot_ + "_Images"));
   if (!has_folder()) return;
   if (of_camera.kind == SimulatedCameraKind::stereo) {
     if (of_camera.intrinsics().is_distorted())
       throw Error(ErrorCode::kBadInput, "the layout of folders has no place for a stereo camera's distortion",
                   "camera '" + of_camera.id + "'", "set logs.layout to rawlog, or k1 to k3 to 0");
-    make_folder(own_folder_ / "image_0");
-    make_folder(own_folder_ / "image_1");
+    make_own_folder(own_folder_ / "image_0");
+    make_own_folder(own_folder_ / "image_1");
     return;
   }
-  make_folder(own_folder_ / "rgb");
+  make_own_folder(own_folder_ / "rgb");
   colour_list_ = "# timestamp filename\n";
   if (of_camera.kind == SimulatedCameraKind::rgbd) {
-    make_folder(own_folder_ / "depth");
+    make_own_folder(own_folder_ / "depth");
     depth_list_ = colour_list_;
   }
 }

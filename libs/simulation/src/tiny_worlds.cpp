@@ -82,12 +82,6 @@ SimulatedTeam make_mirrored_rooms(const RoomRowOptions& options, const TeamOptio
   return one_building(building, static_cast<std::size_t>(options.rooms), team);
 }
 
-SimulatedTeam make_hall(const HallOptions& options, const TeamOptions& team) {
-  BuildingOptions building = building_of(PlanKind::hall, team);
-  building.hall = options;
-  return one_building(building, make_hall_plan(options, seed_of(team)).rooms.size(), team);
-}
-
 SimulatedTeam make_ring(const RingOptions& options, const TeamOptions& team) {
   BuildingOptions building = building_of(PlanKind::ring, team);
   building.ring = options;

@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes in memory
 constexpr std::size_t kMostUpdate = std::size_t{48} << 10;  // bytes: a live server's queue may be as short as 64 KB
-constexpr double kFeatureBytes = 37.0;
 
 // `count` features, evenly picked, so that they stay spread over the picture and its pyramid.
 std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_t count) {

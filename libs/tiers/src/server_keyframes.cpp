@@ -1,6 +1,7 @@
 // The keyframes of the whole team go down too, with what they hold (CORB-SLAM 2.3, rule 2).
 
 #include "server_state.h"
+#include "update_parts.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +12,7 @@ namespace {
 
 constexpr std::size_t kRoomAtFirst = 4;  // keyframes, until the client says how many it keeps
 constexpr double kMostBytes = 44e3;      // of one share: a live server's queue may be as short as 64 KB
-constexpr double kFeatureBytes = 37.0, kLandmarkBytes = 75.0, kLightBytes = 90.0, kWholeBytes = 250.0;  // about
+constexpr double kLandmarkBytes = 75.0, kLightBytes = 90.0, kWholeBytes = 250.0;  // about
 constexpr std::uint32_t kLookAgain = 4;  // shares, until what moved is looked for once more
 constexpr double kMoved_m = 0.02, kMoved_rad = 0.005, kGrown = 0.01;  // less is not worth a message
 constexpr double kLandmarkMoved_m = 0.02;                             // beside its keyframe

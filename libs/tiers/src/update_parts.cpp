@@ -9,8 +9,8 @@ namespace mapweave::tiers {
 namespace {
 
 // About what they take in an encoded update: where to cut, not whether.
-constexpr std::size_t kKeyframeBytes = 200, kFeatureBytes = 37, kLandmarkBytes = 60, kSightingBytes = 14,
-                      kMovedBytes = 90, kRemovedBytes = 20;
+constexpr std::size_t kKeyframeBytes = 200, kLandmarkBytes = 60, kSightingBytes = 14, kMovedBytes = 90,
+                      kRemovedBytes = 20;
 
 class Cutter {
  public:

@@ -8,6 +8,8 @@
 
 namespace mapweave::tiers {
 
+inline constexpr std::size_t kFeatureBytes = 37;  // about, of an encoded keyframe's feature
+
 // Encoded; the first has the update's base and number, each other one builds on the one before. Together they say the
 // same, and what arrived of them is a sound map at any time: landmarks and sightings go with the last of the new
 // keyframes that they need or after it, removals come last. No longer than most_bytes, but for one that holds a single

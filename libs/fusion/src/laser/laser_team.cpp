@@ -11,6 +11,7 @@
 namespace mapweave::fusion {
 namespace {
 
+// Of the last search of a team: bounds the time; most end before, after rounds without a new match.
 constexpr int kMostRounds = 32;
 constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // questions of a pair of maps: more than a pair has
 

@@ -6,6 +6,7 @@
 
 #include <mapweave/fusion/wall_weights.h>
 #include <mapweave/maps/alignment.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -218,8 +219,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   alignment.a_from_b.pose = spatial(mean_transform(transforms));
   // Matches share the errors of the maps: however many agree, they count no more than four do.
   information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
-  alignment.covariance =
-      spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));
+  alignment.covariance = spatial(Eigen::Matrix3d(information.inverse() + alignment_covariance()));
   if (grids == nullptr) verdict.alignment = alignment;
   return result;
 }

@@ -17,8 +17,10 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kMostHypotheses = 4;   // evaluated for two groups of maps
-constexpr double kLeastSeed = 1.0;           // log odds of the matches that a hypothesis begins with
+constexpr std::size_t kMostHypotheses = 4;  // evaluated for two groups of maps
+constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hypothesis begins with
+constexpr double kLeastWeight = 0.05;  // log odds of a match: an unlikely one still counts for those it agrees with
+constexpr double kUnobservableShare = 0.3;   // of the log odds of a match that slides along its walls
 constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
@@ -78,7 +80,8 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
             inconsistency(entries[i].match, entries[j].match, x.solved, in_x, z.solved, in_z) < kConsistent;
   std::vector<double> weights;
   for (const Entry& entry : entries)
-    weights.push_back(std::max(0.05, log_odds(entry.match.probability)) * (entry.match.is_observable ? 1.0 : 0.3) +
+    weights.push_back(std::max(kLeastWeight, log_odds(entry.match.probability)) *
+                          (entry.match.is_observable ? 1.0 : kUnobservableShare) +
                       priors_.weight(entry.match));
   for (const Commitment& set : commit(agree, weights, {kMostHypotheses, kLeastSeed, kSearchSteps})) {
     MergeHypothesis& hypothesis = result.emplace_back();

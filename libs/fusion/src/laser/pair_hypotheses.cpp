@@ -10,6 +10,7 @@
 namespace mapweave::fusion {
 namespace {
 
+// Hypotheses that a reader would not tell apart: the first of them is shown.
 constexpr double kAlike_m = 0.5, kAlike_rad = 0.1;
 
 Pose2 map_frame(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved) {
@@ -32,7 +33,6 @@ Pose2 in_map(const PreparedMap& map, const SubmapGraph& graph, std::size_t numbe
   return result;
 }
 
-// What a reader would not tell apart.
 bool lie_together(const Sim3& one, const Sim3& other) {
   const Pose2 apart = between(planar(one.pose), planar(other.pose));
   return std::hypot(apart.x, apart.y) < kAlike_m && std::abs(apart.phi) < kAlike_rad;

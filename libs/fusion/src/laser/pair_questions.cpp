@@ -11,7 +11,6 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kWideRadius_m = 12.0;  // bounds the time of a search over all headings
 // Of one map with others, those most alike: looked at together, before the next ones; in the first round; in each later
 // one.
 constexpr std::size_t kAtOnce = 3, kMostAtFirst = 12, kMostLater = 6;
@@ -27,8 +26,7 @@ matching::WideWindow LaserMerger::window_for(std::size_t map_a, std::size_t a, s
   const Pose2 centre_a = in_submap(maps_[map_a], a), centre_b = in_submap(maps_[map_b], b);
   matching::WideWindow window;
   window.a_from_b = {centre_a.x - centre_b.x, centre_a.y - centre_b.y, 0.0};
-  window.radius_m = std::min(
-      kWideRadius_m, std::max(4.0, 0.7 * static_cast<double>(maps_[map_a].radii_m[a] + maps_[map_b].radii_m[b])));
+  window.radius_m = wide_radius_m(static_cast<double>(maps_[map_a].radii_m[a] + maps_[map_b].radii_m[b]));
   window.yaw_rad = M_PI;
   return window;
 }

@@ -16,9 +16,9 @@ constexpr double kMostLogOdds = 4.0, kWrong = 0.2;
 // Of a match that agrees, log odds: twice what a hypothesis has to begin with (kLeastSeed in merge_evaluation.cpp),
 // half of what the prior says of the whole.
 constexpr double kSeedWeight = 2.0;
-// Around where the prior puts a submap. The bound on the radius is that of wide windows (kWideRadius_m in
-// pair_questions.cpp), the floors are what submaps of the best prior are off.
-constexpr double kSigmas = 3.0, kLeastReach_m = 0.5, kFarthestReach_m = 12.0, kLeastReach_rad = 0.04;
+// Around where the prior puts a submap. The bound on the radius is that of wide windows, the floors are what submaps of
+// the best prior are off.
+constexpr double kSigmas = 3.0, kLeastReach_m = 0.5, kFarthestReach_m = kWideRadius_m, kLeastReach_rad = 0.04;
 constexpr double kNearSigmas = 2.0;  // farther apart than submaps that share walls: pairs are asked about all the same
 constexpr std::size_t kNearest = 2;  // submaps of the other map for each: a place lies in two, as submaps overlap
 constexpr std::size_t kMostQuestions = 16;  // of a pair of maps, the nearest first: bounds the time that a prior costs

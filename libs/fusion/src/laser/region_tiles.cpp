@@ -9,6 +9,7 @@
 namespace mapweave::fusion {
 namespace {
 
+// The sides of regions and of the squares in them (24 and 12 m) are whole numbers of it: sums of whole tiles fill them.
 constexpr double kTile_m = 2.0;
 
 // visit(x_m, y_m, tile) of those whose middles lie in a square about this place.

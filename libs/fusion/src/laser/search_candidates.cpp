@@ -1,6 +1,7 @@
 #include "search_candidates.h"
 
 #include <mapweave/maps/alignment.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,12 +12,15 @@ namespace {
 
 constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
 constexpr double kFarthestReach_m = 50.0;
-constexpr double kWindowSigmas = 3.0;
+// Of where the graph expects a submap: what is compared at all, and the wider window in which it is searched.
+constexpr double kReachSigmas = 2.5, kWindowSigmas = 3.0;
+// Of a window: what submaps are off however sure the graph is.
+constexpr double kLeastWindow_m = 0.5, kLeastYaw_rad = 0.04;
+// Since a pair was examined: moved by less, as a share of its window's radius and in heading, it is where it was.
+constexpr double kMovedShare = 0.5, kMoved_rad = 0.1;
 constexpr double kUnexpectedSigmas = 12.0;  // what the graph may be wrong by, where it misses a loop: 7 were seen
-constexpr double kLittleKnown_m = 2.0;      // standard deviation from which it may miss one
 constexpr std::size_t kAlike = 4, kAlikeTried = 16;  // that a place chooses, from so many that look most like it
 constexpr std::size_t kMostAlike = 600;              // questions
-constexpr double kLargestWindow_m = 12.0;
 constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 
 // Of motions of a frame, as motions of a place of the team's frame that moves along with it.
@@ -51,9 +55,10 @@ SearchCandidates::SearchCandidates(const std::vector<PreparedMap>& maps, const S
 // How far apart the middles of two submaps may lie that show the same.
 double SearchCandidates::reach_m(std::size_t i, std::size_t j) const {
   const auto radius_m = [&](std::size_t s) {
-    return std::min(12.0, static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]));
+    return static_cast<double>(
+        std::min(matching::kLargestOverlapRadius_m, maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]));
   };
-  return std::clamp(0.6 * (radius_m(i) + radius_m(j)), kNearSubmaps_m, kFarSubmaps_m);
+  return std::clamp(matching::kOverlapShare * (radius_m(i) + radius_m(j)), kNearSubmaps_m, kFarSubmaps_m);
 }
 
 double SearchCandidates::unlikeness(std::size_t i, std::size_t j) const {
@@ -69,7 +74,7 @@ bool SearchCandidates::is_examined(std::size_t place, std::size_t of) const {
   if (before == examined_.end()) return false;
   const Pose2 moved =
       between(before->second.expected, between(solved_.team_from_submap[place], solved_.team_from_submap[of]));
-  return std::hypot(moved.x, moved.y) < 0.5 * before->second.radius_m && std::abs(moved.phi) < 0.1;
+  return std::hypot(moved.x, moved.y) < kMovedShare * before->second.radius_m && std::abs(moved.phi) < kMoved_rad;
 }
 
 // place < of. Nothing where they are not worth a question.
@@ -88,7 +93,7 @@ std::optional<SearchCandidates::Near> SearchCandidates::near(std::size_t place, 
                                   position_sigma(at_place(apart_by, there, middles_[of])));
   const double sigma_rad = std::sqrt(apart_by(2, 2));
   const bool is_left_out = is_wide ? sigma_m <= kSure_m || sigma_m > widest_m ||
-                                         distance > near_m + std::min(kFarthestReach_m, 2.5 * sigma_m)
+                                         distance > near_m + std::min(kFarthestReach_m, kReachSigmas * sigma_m)
                                    : sigma_m > kSure_m || (sigma_m < kKnown_m && sigma_rad < kKnown_rad);
   if (is_left_out || is_examined(place, of)) return std::nullopt;
   return Near{distance, is_wide ? unlikeness(i, j) : 0.0, place, sigma_m, sigma_rad};
@@ -151,8 +156,8 @@ std::vector<SubmapQuestion> SearchCandidates::questions(double widest_m) {
   for (const auto& [pair, between_them] : chosen(near, widest_m)) {
     matching::WideWindow window;
     window.a_from_b = between(solved_.team_from_submap[pair.first], solved_.team_from_submap[pair.second]);
-    window.radius_m = std::clamp(kWindowSigmas * between_them->sigma_m, 0.5, kFarthestReach_m);
-    window.yaw_rad = std::min(M_PI, 0.04 + kWindowSigmas * between_them->sigma_rad);
+    window.radius_m = std::clamp(kWindowSigmas * between_them->sigma_m, kLeastWindow_m, kFarthestReach_m);
+    window.yaw_rad = std::min(M_PI, kLeastYaw_rad + kWindowSigmas * between_them->sigma_rad);
     result.push_back({solved_.submaps[pair.first], solved_.submaps[pair.second], window});
   }
   return result;
@@ -173,7 +178,7 @@ matching::WideWindow SearchCandidates::window_on_each_other(std::size_t place, s
     const std::size_t s = solved_.submaps[k];
     return static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]);
   };
-  window.radius_m = std::min(kLargestWindow_m, std::max(4.0, 0.7 * (radius_m(place) + radius_m(of))));
+  window.radius_m = wide_radius_m(radius_m(place) + radius_m(of));
   window.yaw_rad = yaw_rad;
   return window;
 }
@@ -199,7 +204,8 @@ std::vector<SubmapQuestion> SearchCandidates::alike() {
       const double farthest_m = reach_m(solved_.submaps[lower], solved_.submaps[upper]) + kUnexpectedSigmas * sigma_m;
       if (sigma_m < kLittleKnown_m || (middles_[lower] - middles_[upper]).norm() > farthest_m) continue;
       ++count;
-      chosen[{lower, upper}] = {entry->first, std::min(M_PI, 0.04 + kUnexpectedSigmas * std::sqrt(apart_by(2, 2)))};
+      chosen[{lower, upper}] = {entry->first,
+                                std::min(M_PI, kLeastYaw_rad + kUnexpectedSigmas * std::sqrt(apart_by(2, 2)))};
     }
   }
   std::vector<std::pair<double, SubmapQuestion>> ranked;

@@ -6,6 +6,7 @@
 
 #include <mapweave/graph/relative_covariance.h>
 
+#include <algorithm>
 #include <map>
 #include <vector>
 
@@ -47,6 +48,10 @@ Eigen::Vector2d middle_of(const PreparedMap& map, std::size_t submap, const Pose
 
 // Between the middles of submaps that may show the same: at least, and where both see far.
 constexpr double kNearSubmaps_m = 6.0, kFarSubmaps_m = 14.0;
+
+constexpr double kWideRadius_m = 12.0;  // of a wide window: bounds the time of its search
+// Of a window that lays the middles of two submaps' walls on each other: a share of their radii together.
+inline double wide_radius_m(double radii_m) { return std::min(kWideRadius_m, std::max(4.0, 0.7 * radii_m)); }
 
 class SubmapGraph {
  public:

@@ -12,7 +12,9 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kProbabilityOfDoubt = 0.1;  // what matching::judge leaves of the probability of a doubted judgement
+// Of the best: a rival that is less good is no second hypothesis, although the last search of a team looks at rivals
+// down to half as good (DECISIONS.md, 64).
+constexpr double kAsGood = 0.8;
 
 // Where the graph says where a submap lies, less of it need be found for a match to be weighed: robots that pass in
 // opposite directions see little of the same.
@@ -114,7 +116,7 @@ SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgem
     match.judgement = judgement.id;
     match.is_observable = judgement.doubt != Reason::unobservable;
     answer.hypotheses.push_back(match);
-    if (judgement.doubt != Reason::ambiguous && judgement.evidence.second_best_ratio < 0.8) break;
+    if (judgement.doubt != Reason::ambiguous && judgement.evidence.second_best_ratio < kAsGood) break;
   }
   answer.holds =
       !answer.hypotheses.empty() && judgement.doubt != Reason::ambiguous && probability >= options_.min_probability;

@@ -1,5 +1,7 @@
 #include "relative_pose_constraints.h"
 
+#include <mapweave/maps/map_noise.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 
@@ -17,9 +19,7 @@ Constraint constraint_of(const VisualWitness& w, const VisualMap& a, const Visua
 }
 
 Constraint constraint_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) {
-  // Submaps bend a little once their nodes move on their own.
-  const Eigen::Matrix3d floor = Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal();
-  const Eigen::Matrix3d information = (w.submap_information.inverse() + floor).inverse();
+  const Eigen::Matrix3d information = (w.submap_information.inverse() + team_anchors_covariance()).inverse();
   Constraint constraint = planar_constraint(
       {ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0},
       w.submap_a_from_submap_b, 0.5 * (information + information.transpose()));

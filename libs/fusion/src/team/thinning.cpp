@@ -12,8 +12,6 @@
 namespace mapweave::fusion {
 namespace {
 
-bool is_planar(const Pose3& pose) { return pose.t.z() == 0.0 && pose.q.x() == 0.0 && pose.q.y() == 0.0; }
-
 // Anchors of submaps, and of each session the first node with a scan: whatever they show.
 std::set<NodeId> always_kept(const std::vector<const Map*>& members) {
   std::set<NodeId> kept;

@@ -53,7 +53,7 @@ std::vector<SoughtLandmark> SharedSightings::expected(std::size_t number, const 
       if (asked_by[landmark] == number) continue;
       asked_by[landmark] = number;
       const Vector3d p = rotation * team_.points[landmark] + camera_from_team.t;
-      if (!(p.z() > 0.1)) continue;
+      if (!(p.z() > kNearest_m)) continue;
       const Vector2d pixel = camera.project(p);
       if (camera.shows(pixel)) sought.push_back({landmark, pixel, p.z(), &from.content->content->descriptors[f]});
     }

@@ -58,7 +58,7 @@ std::vector<TeamBundle::BorneOut> TeamBundle::borne_out(const graph::Bundle& bun
     if (known.count(keyframe) == 0) continue;
     const TeamKeyframe& here = team_.keyframes[keyframe];
     const Vector3d p = transformed(team_.points[landmark], inverse(here.team_from_camera()));
-    if (!(p.z() > 0.1)) continue;
+    if (!(p.z() > kNearest_m)) continue;
     if (!((here.content->camera.project(p) - Vector2d(pixels_of(claim.seen.u), pixels_of(claim.seen.v))).norm() <
           radius_px))
       continue;

@@ -87,7 +87,7 @@ DisjointSets TeamState::classes(const std::vector<SharedSighting>& found) const 
     if (own < 0) continue;
     const std::size_t here = keyframe.first_landmark + static_cast<std::size_t>(own);
     const double depth_m = transformed(points[here], inverse(keyframe.team_from_camera())).z();
-    if ((points[here] - points[one.landmark]).norm() < kSameDepth * std::max(depth_m, 0.1))
+    if ((points[here] - points[one.landmark]).norm() < kSameDepth * std::max(depth_m, kNearest_m))
       result.join(here, one.landmark);
   }
   return result;

@@ -15,7 +15,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSameScale = 0.1;  // of the logarithms of two scales
+constexpr double kSameScale = 0.1;      // of the logarithms of two scales
+constexpr double kYaw_per_m = 0.002;    // growth of consistency_yaw_rad, as consistency_per_m is that of consistency_m
+constexpr double kMostProbable = 0.98;  // of one witness: none is certain by itself
 
 bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap& b, const FusionOptions& options) {
   const Vector3d &p = b.keyframes()[one.keyframe_b].map_from_node.t,
@@ -24,7 +26,7 @@ bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap
   const double scale = std::sqrt(one.a_from_b.scale * other.a_from_b.scale), far = scale * (p - q).norm();
   const double apart = (transformed(middle, one.a_from_b) - transformed(middle, other.a_from_b)).norm();
   return apart < options.consistency_m + options.consistency_per_m * far &&
-         one.a_from_b.pose.q.angularDistance(other.a_from_b.pose.q) < options.consistency_yaw_rad + 0.002 * far &&
+         one.a_from_b.pose.q.angularDistance(other.a_from_b.pose.q) < options.consistency_yaw_rad + kYaw_per_m * far &&
          std::abs(std::log(one.a_from_b.scale / other.a_from_b.scale)) < kSameScale;
 }
 
@@ -274,7 +276,7 @@ std::vector<const VisualWitness*> far_from(const Sim3& a_from_b, const std::vect
 
 double probability_of_one(const std::vector<const VisualWitness*>& witnesses) {
   double none_right = 1.0;
-  for (const VisualWitness* w : witnesses) none_right *= 1.0 - std::clamp(w->judgement.probability, 0.0, 0.98);
+  for (const VisualWitness* w : witnesses) none_right *= 1.0 - std::clamp(w->judgement.probability, 0.0, kMostProbable);
   return 1.0 - none_right;
 }
 

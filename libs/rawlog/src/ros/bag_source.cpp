@@ -39,12 +39,6 @@ struct Waiting {
   std::optional<PlacedRecord> ready;  // odometry of a transform
 };
 
-std::string seconds_text(std::int64_t stamp_ns) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.3f s", static_cast<double>(stamp_ns) * 1e-9);
-  return text;
-}
-
 PlacedRecord odometry_record(const Pose3& odometry_from_robot, std::int64_t stamp_ns, const std::string& label,
                              std::uint64_t place) {
   auto odometry = std::make_shared<mrpt::obs::CObservationOdometry>();

@@ -10,7 +10,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <exception>
@@ -24,10 +23,6 @@ namespace {
 
 constexpr std::size_t kWindowBytes = std::size_t{1} << 20;
 constexpr const char* kCopyAgain = "copy the recording again, or map what precedes this with --keep-going";
-
-std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
-  return static_cast<std::uint32_t>(::crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
-}
 
 Error damage(const std::string& what) { return Error(ErrorCode::kCorrupt, what, {}, kCopyAgain); }
 

@@ -2,6 +2,8 @@
 
 #include "message_reader.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <cstring>
 #include <limits>
@@ -16,6 +18,10 @@ MessageReader fields_of(std::string_view record) {
 }
 
 }  // namespace
+
+std::uint32_t crc_of(std::string_view bytes, std::uint32_t before) {
+  return static_cast<std::uint32_t>(::crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
 
 RecordHead parse_head(const char* nine_bytes) {
   RecordHead head{static_cast<Opcode>(nine_bytes[0]), 0};

@@ -26,6 +26,9 @@ struct RecordHead {
 };
 RecordHead parse_head(const char* nine_bytes);
 
+// before: of what comes before these bytes.
+std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0);
+
 struct McapMessage {
   std::uint16_t channel;
   std::int64_t log_ns;

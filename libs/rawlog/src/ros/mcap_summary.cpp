@@ -2,7 +2,6 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <map>
@@ -115,9 +114,7 @@ McapSummary read_sound_summary(const SeekableFile& file, std::uint64_t most_byte
     throw misfit("it would be of " + std::to_string(file.bytes() - start) + " bytes");
   // The checksum is of the footer's beginning, too.
   const std::string bytes = bytes_at(file, start, file.bytes() - mcap::kMagic.size() - kCrcBytes - start);
-  if (footer->summary_crc != 0 &&
-      ::crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()) != footer->summary_crc)
-    throw misfit("its checksum is wrong");
+  if (footer->summary_crc != 0 && crc_of(bytes) != footer->summary_crc) throw misfit("its checksum is wrong");
   parse_records(std::string_view(bytes).substr(0, static_cast<std::size_t>(footer_start - start)), summary);
   if (summary.chunks.empty()) return summary;
   if (summary.data_end == 0) throw misfit("no end of the data stands before it");

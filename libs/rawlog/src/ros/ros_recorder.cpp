@@ -13,7 +13,6 @@ namespace mapweave::rawlog {
 namespace {
 
 using mcap::append_record;
-using mcap::append_text;
 using mcap::Opcode;
 
 constexpr std::size_t kMostHeadBytes = std::size_t{1} << 20;        // of all that stands before the first message
@@ -22,30 +21,19 @@ constexpr std::size_t kMessageStart = 22 + kStampAt + kStampBytes;  // fields of
 
 // All that stands before the first message; a schema for each topic.
 std::string beginning_of(const std::vector<RecordedTopic>& topics) {
-  std::string bytes(mcap::kMagic), header;
-  append_text(header, "ros1");
-  append_text(header, ros::kRecorderLibrary);
-  append_record(bytes, Opcode::kHeader, header);
+  std::string bytes(mcap::kMagic);
+  mcap::append_header(bytes, "ros1", ros::kRecorderLibrary);
   for (std::uint16_t i = 0; i < topics.size(); ++i) {
-    std::string schema, channel;
-    append_number(schema, static_cast<std::uint16_t>(i + 1));
-    append_text(schema, topics[i].type);
-    append_text(schema, "ros1msg");
-    append_text(schema, topics[i].definition);
-    append_record(bytes, Opcode::kSchema, schema);
-    append_number(channel, i);
-    append_number(channel, static_cast<std::uint16_t>(i + 1));
-    append_text(channel, topics[i].name);
-    append_text(channel, "ros1");
-    append_text(channel, "");
-    append_record(bytes, Opcode::kChannel, channel);
+    const auto schema = static_cast<std::uint16_t>(i + 1);
+    mcap::append_schema(bytes, schema, topics[i].type, "ros1msg", topics[i].definition);
+    mcap::append_channel(bytes, i, schema, topics[i].name, "ros1", "");
   }
   return bytes;
 }
 
 std::string end_of_recording() {
   std::string bytes, footer;
-  append_record(bytes, Opcode::kDataEnd, std::string(sizeof(std::uint32_t), '\0'));
+  mcap::append_data_end(bytes);
   append_number(footer, std::uint64_t{0});  // no summary
   append_number(footer, std::uint64_t{0});
   append_number(footer, std::uint32_t{0});

@@ -19,13 +19,13 @@ Pose3 interpolated(const Pose3& a, const Pose3& b, double part) {
   return {a.t + part * (b.t - a.t), a.q.slerp(part, b.q).normalized()};
 }
 
+}  // namespace
+
 std::string seconds_text(std::int64_t stamp_ns) {
   char text[40];
   std::snprintf(text, sizeof text, "%.3f s", static_cast<double>(stamp_ns) * 1e-9);
   return text;
 }
-
-}  // namespace
 
 std::string frame_name(std::string_view frame_id) {
   if (!frame_id.empty() && frame_id.front() == '/') frame_id.remove_prefix(1);

@@ -13,6 +13,8 @@
 
 namespace mapweave::rawlog::ros {
 
+std::string seconds_text(std::int64_t stamp_ns);  // with its unit
+
 // A frame's name without the slash before it that old programs write.
 std::string frame_name(std::string_view frame_id);
 

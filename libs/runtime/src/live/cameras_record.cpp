@@ -2,6 +2,8 @@
 
 #include "record_json.h"
 
+#include <mapweave/core/hash.h>
+
 #include <algorithm>
 
 namespace mapweave::runtime {
@@ -84,16 +86,8 @@ CameraReport report_from(const Json& json, const std::string& where) {
   return report;
 }
 
-// Two digits a byte.
 std::string hex_of(const std::vector<std::uint8_t>& bytes) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string hex;
-  hex.reserve(2 * bytes.size());
-  for (const std::uint8_t byte : bytes) {
-    hex += kDigits[byte >> 4];
-    hex += kDigits[byte & 15];
-  }
-  return hex;
+  return to_hex(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 
 std::vector<std::uint8_t> bytes_of(const std::string& hex, const std::string& where) {

@@ -13,7 +13,7 @@ namespace {
 namespace subject = tiers::subject;
 
 constexpr std::chrono::milliseconds kStep{20};
-constexpr std::size_t kMostLinks = 1000, kMostInFlight = std::size_t{64} << 20;
+constexpr std::size_t kMostInFlight = std::size_t{64} << 20;
 constexpr std::size_t kMostSaid = 4096;  // messages of one edge that may wait to be merged
 constexpr char kEdge[] = "edge", kCloud[] = "cloud";
 
@@ -59,8 +59,7 @@ LiveCloud::State::State(const LiveSite& of, const RunSettings& how)
     journal.emplace(*site.journal);
     replay();
   }
-  constexpr std::uint64_t kNeverLong = std::uint64_t{1} << 62;
-  saver.emplace(std::move(journal), kNeverLong, [] {});
+  saver.emplace(std::move(journal), JournalSaver::kNeverLong, [] {});
   speaker = std::thread([this] { speak(); });
   merger = std::thread([this] { merge(); });
 }

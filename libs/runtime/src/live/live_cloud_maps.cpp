@@ -13,10 +13,7 @@ namespace subject = tiers::subject;
 
 void LiveCloud::State::merge() {
   std::unique_lock lock(mutex);
-  const auto after_a_period = [&] {
-    return Clock::now() +
-           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options.preview_period_s));
-  };
+  const auto after_a_period = [&] { return in_seconds(options.preview_period_s); };
   auto next = after_a_period();
   const auto has_work = [&] {
     return ends || has_new_plan || has_new_options || (seals_now && phase == Phase::collecting) ||

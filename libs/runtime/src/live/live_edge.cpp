@@ -2,6 +2,7 @@
 
 #include "plan/team_options.h"
 
+#include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/mapdb/update_journal.h>
@@ -14,7 +15,6 @@ namespace mapweave::runtime {
 namespace {
 
 constexpr std::chrono::milliseconds kStep{20};
-constexpr std::size_t kMostLinks = 1000;
 constexpr char kEdge[] = "edge";
 
 std::unique_ptr<LiveMapServer> camera_map_server_of(const TierId& edge, const LiveSite& site) {
@@ -23,11 +23,7 @@ std::unique_ptr<LiveMapServer> camera_map_server_of(const TierId& edge, const Li
   std::optional<std::filesystem::path> journal;
   if (site.journal) {
     journal = journal_of_cameras(*site.journal);
-    std::error_code error;
-    std::filesystem::create_directories(journal->parent_path(), error);
-    if (error)
-      throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + error.message(),
-                  journal->parent_path().string(), "name another folder in live.store");
+    make_folder(journal->parent_path(), "name another folder in live.store");
   }
   auto server =
       std::make_unique<LiveMapServer>(edge, configuration.server, configuration.fusion, site.options.camera_map_server,
@@ -120,8 +116,7 @@ void LiveEdge::State::replay() {
     const std::lock_guard lock(mutex);
     counts.trouble = error.what();
   }
-  constexpr std::uint64_t kNeverLong = std::uint64_t{1} << 62;
-  saver.emplace(std::move(journal), kNeverLong, [] {});
+  saver.emplace(std::move(journal), JournalSaver::kNeverLong, [] {});
 }
 
 void LiveEdge::State::keep(Robot& robot, Sensed sensed, std::size_t bytes) {
@@ -313,10 +308,6 @@ void LiveEdge::serve(std::shared_ptr<transport::Channel> robot) {
                     WireHooks{[&state, &link](const Hello& hello) { return state.greet(link, hello); },
                               [&state, &link](const Said& said) { state.take(link, said); }});
   link.wire->use(std::move(robot));
-}
-
-std::shared_ptr<transport::Channel> LiveEdge::connect_camera(const RobotId& robot) {
-  return state_->cameras ? state_->cameras->connect(robot) : nullptr;
 }
 
 void LiveEdge::serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera) {

@@ -193,10 +193,7 @@ bool LiveEdge::State::is_due_to_fuse() const {
 
 void LiveEdge::State::merge() {
   std::unique_lock lock(mutex);
-  const auto after_a_period = [&] {
-    return Clock::now() +
-           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options.preview_period_s));
-  };
+  const auto after_a_period = [&] { return in_seconds(options.preview_period_s); };
   auto next = after_a_period();
   while (!ends) {
     if (std::exchange(has_new_options, false)) next = std::min(next, after_a_period());

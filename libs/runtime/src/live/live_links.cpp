@@ -5,7 +5,6 @@
 namespace mapweave::runtime {
 namespace {
 
-constexpr std::size_t kMostLinks = 1000;
 constexpr std::size_t kMostGone = 1000;  // clients that left, counted each on its own
 
 }  // namespace

@@ -2,6 +2,7 @@
 // One end of what two programs say to each other over channels that come and go: numbered both ways, kept until the
 // other end's receipt, taken in order and once, whatever the channel loses, doubles or cuts. Not thread-safe.
 
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/maps/exchange.h>
 #include <mapweave/maps/receipt.h>
 #include <mapweave/runtime/live_options.h>
@@ -20,9 +21,9 @@ namespace mapweave::runtime {
 
 using Clock = std::chrono::steady_clock;
 
+using mapweave::seconds_since;
 inline std::optional<double> seconds_since(const std::optional<Clock::time_point>& then) {
-  if (!then) return std::nullopt;
-  return std::chrono::duration<double>(Clock::now() - *then).count();
+  return then ? std::optional(seconds_since(*then)) : std::nullopt;
 }
 
 struct Said {

@@ -104,7 +104,6 @@ class Revisit {
 template <class Use>
 void revisit(const PlannedRobot& robot, std::deque<Revisit>& cameras, const rawlog::ReadOptions& reading,
              Progress& progress, Use&& use) {
-  constexpr std::uint64_t kKilobyte = 1000;
   const auto log = rawlog::open_log(robot.log, reading);
   ProgressTask task(progress, "depth of " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
   while (const auto record = log->next()) {

@@ -1,7 +1,7 @@
 #include <mapweave/runtime/camera_task.h>
 
 #include "results/sheet_collector.h"
-#include "unit_notes.h"
+#include "robot_log.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
@@ -257,14 +257,9 @@ struct CameraTask::State {
   bool has_server = false;
   visual::MemoryOptions memory;  // of a camera
   std::deque<Camera> cameras;
-  UnitNotes units;
-  std::unique_ptr<rawlog::ObservationStream> log;
-  std::optional<ProgressTask> task;
-  std::optional<rawlog::Record> next;
-  std::optional<Error> trouble;
+  RobotLog log;
   laser::ScanPacker wheels_packer;
   std::vector<StampedPose> wheels;
-  double cpu_seconds = 0.0;
 
   void add_wheels(const rawlog::Record& record) {
     if (dynamic_cast<const mrpt::obs::CObservationOdometry*>(record.observation.get()) == nullptr) return;
@@ -272,59 +267,35 @@ struct CameraTask::State {
       wheels.push_back({record.stamp, std::get<laser::OdometryInput>(*input).odometry_from_robot});
   }
 
-  explicit State(const PlannedRobot& planned) : robot(planned), units(planned) {}
-
-  // Runs what may meet trouble with the log; its end then.
-  template <class Reading>
-  void guarded(const Reading& reading_on) {
-    const double before_s = thread_cpu_seconds();
-    try {
-      reading_on();
-    } catch (const Error& error) {
-      trouble = error;
-      next.reset();
-    }
-    cpu_seconds += thread_cpu_seconds() - before_s;
-  }
+  explicit State(const PlannedRobot& planned) : robot(planned), log(planned) {}
 };
 
 CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
                        Progress& progress)
     : state_(new State(robot)) {
-  constexpr std::uint64_t kKilobyte = 1000;
   state_->rig = configuration.rig;
   state_->keep_going = keep_going;
   state_->has_server = configuration.server.share != tiers::Sharing::none;
   state_->memory = configuration.visual.client.memory;
   for (const ChosenCamera& camera : robot.sensors.cameras)
     state_->cameras.emplace_back(camera, configuration.visual, configuration.seed);
-  state_->guarded([&] {
-    state_->log = rawlog::open_log(robot.log, configuration.reading);
-    state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
-    state_->next = state_->log->next();
-  });
+  state_->log.guarded([&] { state_->log.begin(rawlog::open_log(robot.log, configuration.reading), progress); });
 }
 CameraTask::~CameraTask() = default;
 CameraTask::CameraTask(CameraTask&&) noexcept = default;
 
 std::optional<Stamp> CameraTask::next() const {
-  return state_->next ? std::optional(state_->next->stamp) : std::nullopt;
+  return state_->log.next ? std::optional(state_->log.next->stamp) : std::nullopt;
 }
 
 void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
-  constexpr std::uint64_t kKilobyte = 1000;
   State& state = *state_;
-  state.guarded([&] {
-    while (state.next && (!until || state.next->stamp < *until)) {
-      throw_if_interrupted();
-      if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
-      state.units.add(*state.next);
-      state.add_wheels(*state.next);
-      for (Camera& camera : state.cameras) camera.add(*state.next);
-      state.task->advance(state.log->bytes_read() / kKilobyte);
-      state.next = state.log->next();
-      if (!state.next) state.units.finish();
-    }
+  state.log.guarded([&] {
+    state.log.advance(until, give_up, [&](const rawlog::Record& record) {
+      state.add_wheels(record);
+      for (Camera& camera : state.cameras) camera.add(record);
+      return true;
+    });
   });
 }
 
@@ -341,9 +312,8 @@ CamerasOutcome CameraTask::finish() {
   const double before_s = thread_cpu_seconds();
   CamerasOutcome outcome;
   outcome.robot = state.robot;
-  outcome.trouble = state.trouble;
-  state.task.reset();
-  state.log.reset();
+  outcome.trouble = state.log.trouble;
+  state.log.close();
   if (outcome.trouble && !state.keep_going) return outcome;
   std::vector<CameraMap> maps;
   for (Camera& camera : state.cameras) {
@@ -364,7 +334,7 @@ CamerasOutcome CameraTask::finish() {
                                      [](const StampedPose& a, const StampedPose& b) { return a.stamp == b.stamp; }),
                          outcome.odometry.end());
   outcome.wheels = std::move(state.wheels);
-  outcome.doubts = state.units.notes();
+  outcome.doubts = state.log.units.notes();
   for (const CameraResult& camera : outcome.cameras) {
     if (auto note = note_on_forgetting(state.robot, camera.report, state.memory.keyframes, state.has_server))
       outcome.doubts.push_back(std::move(*note));
@@ -373,7 +343,7 @@ CamerasOutcome CameraTask::finish() {
   }
   outcome.maps = merged_rig(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
-  outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;
+  outcome.cpu_seconds = state.log.cpu_seconds + thread_cpu_seconds() - before_s;
   return outcome;
 }
 

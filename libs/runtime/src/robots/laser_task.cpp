@@ -8,7 +8,7 @@
 #include <mapweave/tiers/robot_agent.h>
 
 #include "plan/log_parts.h"
-#include "unit_notes.h"
+#include "robot_log.h"
 
 #include <string>
 #include <utility>
@@ -23,17 +23,12 @@ struct LaserTask::State {
   bool keep_going, is_remote, may_move;
   tiers::RobotAgent agent;
   std::optional<tiers::RobotSlam> slam;
-  std::unique_ptr<rawlog::ObservationStream> log;
-  std::optional<rawlog::Record> next;
-  std::optional<ProgressTask> task;
+  RobotLog log;
   std::vector<std::string> sensed;  // kept for another edge
-  UnitNotes units;
   RobotWork work;
   rig::SpokenPoses live;
   std::vector<StampedPose> odometry;
-  double cpu_seconds = 0.0;
   std::optional<tiers::RobotOutcome> outcome;
-  std::optional<Error> trouble;
 
   State(const PlannedRobot& planned, const RunConfiguration& options, Progress& shown, bool lives_with_trouble,
         bool moves)
@@ -44,21 +39,8 @@ struct LaserTask::State {
         is_remote(options.mode == Mode::offload),
         may_move(moves && is_remote),
         agent(planned.id, laser::scan_input_of(options.laser), planned.log.string()),
-        units(planned) {
+        log(planned) {
     live.sensor = {std::string(planned.sensors.scans->name), true, true, {}};
-  }
-
-  // Whatever goes wrong ends the stream; an interruption is thrown.
-  template <class Work>
-  void guarded(Work&& do_it) {
-    const double before_s = thread_cpu_seconds();
-    try {
-      do_it();
-    } catch (const Error& error) {
-      trouble = error;
-      next.reset();
-    }
-    cpu_seconds += thread_cpu_seconds() - before_s;
   }
 
   void begin_mapping() {
@@ -78,7 +60,7 @@ struct LaserTask::State {
     (is_remote ? work.packing_s : work.mapping_s) += packed_s - before_s;
     work.sensed_bytes += bytes.size();
     if (!message) return;
-    units.look_at(*message);
+    log.units.look_at(*message);
     if (const auto* wheels = std::get_if<Pose3>(&message->body)) odometry.push_back({message->stamp, *wheels});
     const double looked_s = thread_cpu_seconds();
     auto ended = slam->step(is_remote ? decode_sensed(bytes, "what the robot sensed") : std::move(*message));
@@ -88,7 +70,7 @@ struct LaserTask::State {
     if (may_move) sensed.push_back(std::move(bytes));
     if (ended) {
       outcome = std::move(*ended);
-      next.reset();
+      log.next.reset();
     }
   }
 };
@@ -96,53 +78,45 @@ struct LaserTask::State {
 LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, bool may_move,
                      Progress& progress)
     : state_(new State(robot, configuration, progress, keep_going, may_move)) {
-  constexpr std::uint64_t kKilobyte = 1000;
-  state_->guarded([&] {
+  state_->log.guarded([&] {
     state_->begin_mapping();
-    state_->log = rawlog::open_log(robot.log, configuration.reading);
-    if (robot.part) state_->log = part_of(std::move(state_->log), *robot.part);
-    if (const auto as_scans = robot.sensors.scans->as_scans) state_->log = as_scans(std::move(state_->log));
-    state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
-    state_->next = state_->log->next();
+    auto log = rawlog::open_log(robot.log, configuration.reading);
+    if (robot.part) log = part_of(std::move(log), *robot.part);
+    if (const auto as_scans = robot.sensors.scans->as_scans) log = as_scans(std::move(log));
+    state_->log.begin(std::move(log), progress);
   });
 }
 LaserTask::~LaserTask() = default;
 LaserTask::LaserTask(LaserTask&&) noexcept = default;
 
 std::optional<Stamp> LaserTask::next() const {
-  return state_->next ? std::optional(state_->next->stamp) : std::nullopt;
+  return state_->log.next ? std::optional(state_->log.next->stamp) : std::nullopt;
 }
-const std::optional<Error>& LaserTask::trouble() const { return state_->trouble; }
+const std::optional<Error>& LaserTask::trouble() const { return state_->log.trouble; }
 std::uint64_t LaserTask::scans() const { return state_->agent.scans(); }
 std::uint64_t LaserTask::sensed_bytes() const { return state_->work.sensed_bytes; }
 
 void LaserTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
-  constexpr std::uint64_t kKilobyte = 1000;
   State& state = *state_;
-  state.guarded([&] {
-    while (state.next && (!until || state.next->stamp < *until)) {
-      throw_if_interrupted();
-      if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
-      state.units.add(*state.next);
-      state.carry([&] { return state.agent.step(*state.next); });
-      state.task->advance(state.log->bytes_read() / kKilobyte);
-      if (!state.outcome) state.next = state.log->next();
-      if (!state.next) state.units.finish();
-    }
+  state.log.guarded([&] {
+    state.log.advance(until, give_up, [&](const rawlog::Record& record) {
+      state.carry([&] { return state.agent.step(record); });
+      return !state.outcome;
+    });
   });
 }
 
 void LaserTask::move() {
   State& state = *state_;
   if (!state.may_move || state.sensed.empty() || state.outcome) return;
-  state.guarded([&] {
+  state.log.guarded([&] {
     const double before_s = thread_cpu_seconds();
     state.begin_mapping();
     for (const std::string& bytes : state.sensed) {
       state.work.repeated_bytes += bytes.size();
       if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed"))) {
         state.outcome = std::move(*ended);
-        state.next.reset();
+        state.log.next.reset();
       }
     }
     state.slam->take_live_poses();  // they were said before
@@ -165,17 +139,16 @@ std::string note_on_walls(const RobotId& robot, const fusion::DoubledWalls& wall
 
 LaserOutcome LaserTask::finish() {
   State& state = *state_;
-  state.task.reset();
-  state.log.reset();
+  state.log.close();
   LaserOutcome result;
-  if (!state.slam || (state.trouble && !state.keep_going)) {
-    state.outcome = {state.robot.id, std::nullopt, state.trouble};
+  if (!state.slam || (state.log.trouble && !state.keep_going)) {
+    state.outcome = {state.robot.id, std::nullopt, state.log.trouble};
   } else if (!state.outcome) {
     state.progress.say("robot " + state.robot.id.str() + ": " + std::to_string(state.agent.scans()) +
                        " scans read; now the end of the mapping");
-    std::optional<Error> trouble = std::exchange(state.trouble, std::nullopt);
-    state.guarded([&] { state.carry([&] { return std::optional(state.agent.end(std::move(trouble))); }); });
-    if (!state.outcome) state.outcome = {state.robot.id, std::nullopt, state.trouble};
+    std::optional<Error> trouble = std::exchange(state.log.trouble, std::nullopt);
+    state.log.guarded([&] { state.carry([&] { return std::optional(state.agent.end(std::move(trouble))); }); });
+    if (!state.outcome) state.outcome = {state.robot.id, std::nullopt, state.log.trouble};
   }
   result.outcome = std::move(*state.outcome);
   if (result.outcome.map && state.robot.part) result.outcome.map->id = MapId(state.robot.id.str());
@@ -183,10 +156,10 @@ LaserOutcome LaserTask::finish() {
   result.work.mapping_s += result.outcome.helper_cpu_seconds;
   result.scans = state.agent.scans();
   result.log_seconds = state.agent.seconds();
-  result.cpu_seconds = state.cpu_seconds;
+  result.cpu_seconds = state.log.cpu_seconds;
   result.live = std::move(state.live);
   result.odometry = std::move(state.odometry);
-  result.notes = state.units.notes();
+  result.notes = state.log.units.notes();
   for (const std::string& note : result.outcome.notes)
     result.notes.push_back("robot " + state.robot.id.str() + ": " + note);
   if (result.outcome.map)

@@ -8,8 +8,6 @@
 
 namespace mapweave::runtime {
 
-double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
-
 void lower_priority() {
   constexpr int kNice = 10;
   const auto thread = static_cast<id_t>(syscall(SYS_gettid));

@@ -1,13 +1,13 @@
 #pragma once
 // What a thread that serves spends, and how it gives way to those that are in a hurry.
 
+#include <mapweave/core/stopwatch.h>
+
 #include <chrono>
 
 namespace mapweave::runtime {
 
 using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point then);
 
 // Of this thread and those that it starts; one that may not ask for it goes on as it is.
 void lower_priority();

@@ -18,6 +18,7 @@ namespace mapweave::runtime {
 
 class JournalSaver {
  public:
+  static constexpr std::uint64_t kNeverLong = std::uint64_t{1} << 62;  // for a journal that is never replaced
   // Without a journal nothing has to wait. on_room: after what was unsaved became less, on its thread.
   // most_growth_bytes: see is_long().
   JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes,

@@ -138,11 +138,7 @@ struct Broker::State {
 };
 
 void Broker::State::launch() {
-  std::error_code error;
-  fs::create_directories(options.folder, error);
-  if (error)
-    throw Error(ErrorCode::kCannotWrite, "the broker's folder cannot be made: " + error.message(),
-                options.folder.string(), "check that you may write there");
+  make_folder(options.folder, "check that you may write there", "the broker's folder cannot be made");
   write_file(configuration(), configuration_of(options, port, leaf_port).dump(2) + "\n");
   ::chmod(configuration().c_str(), S_IRUSR | S_IWUSR);  // it may hold passwords
   const std::string file = program.string(), given = configuration().string(), output = log().string();

@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/hash.h>
 #include <mapweave/transport/certificates.h>
 
 #include <arpa/inet.h>
@@ -125,15 +126,9 @@ Certified make_server_certificate(const Certified& authority, const std::vector<
 
 std::string random_password() {
   constexpr std::size_t kBytes = 16;
-  constexpr char kDigits[] = "0123456789abcdef";
   unsigned char bytes[kBytes];
   expect(RAND_bytes(bytes, kBytes) == 1, "make random numbers");
-  std::string password;
-  for (const unsigned char byte : bytes) {
-    password += kDigits[byte >> 4];
-    password += kDigits[byte & 15];
-  }
-  return password;
+  return to_hex(std::string_view(reinterpret_cast<const char*>(bytes), kBytes));
 }
 
 }  // namespace mapweave::transport

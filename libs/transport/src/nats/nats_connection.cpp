@@ -3,6 +3,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/mixed_bits.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/transport/nats_connection.h>
 
 #include <nlohmann/json.hpp>
@@ -28,8 +29,6 @@ using ConnectionHandle = std::shared_ptr<natsConnection>;
 constexpr double kWatch_s = 2.0;  // between signs of life that are asked for
 constexpr int kMostPendingMessages = 1 << 20;
 constexpr std::size_t kMostPendingBytes = std::size_t{512} << 20;  // what was asked for is less
-
-double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
 
 std::string random_name() {
   std::random_device device;
@@ -171,7 +170,7 @@ void NatsConnection::State::work(std::chrono::milliseconds patience) {
 
 // Whether to go on.
 bool NatsConnection::State::wait(double seconds) {
-  const auto until = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  const auto until = in_seconds(seconds);
   for (;;) {
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - Clock::now());
     work(std::max(left, std::chrono::milliseconds(0)));

@@ -1,6 +1,7 @@
 #include "jetstream_api.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/hash.h>
 #include <mapweave/transport/nats_stream.h>
 
 #include <algorithm>
@@ -223,16 +224,14 @@ bool NatsConsumer::ask_state(const std::string& inbox) const {
 }
 
 std::string nats_token(std::string_view name) {
-  constexpr char kDigits[] = "0123456789abcdef";
   std::string token;
   for (const char letter : name) {
-    const auto byte = static_cast<unsigned char>(letter);
     const bool is_plain = (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
                           (letter >= '0' && letter <= '9') || letter == '_' || letter == '-';
     if (is_plain)
       token += letter;
     else
-      token += {'=', kDigits[byte >> 4], kDigits[byte & 15]};
+      token += "=" + to_hex(std::string_view(&letter, 1));
   }
   return token.empty() ? "=" : token;
 }

@@ -7,7 +7,7 @@ namespace mapweave::visual {
 
 bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinhole& camera,
                  const SensorCalibration& calibration, Residual& out) {
-  if (!(p.z() > 0.02)) return false;
+  if (!(p.z() > kNearestSolved_m)) return false;
   const double z = 1.0 / p.z(), z2 = z * z, weight = 1.0 / sighting.sigma_px;
   out.value.head<2>() = weight * (camera.project(p) - sighting.pixel + calibration.readout_s * sighting.row_flow);
   out.by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z2, 0, weight * camera.fy * z,

@@ -14,7 +14,7 @@ using InverseDepths = Image<float>;  // as measured, 1/m; 0: none
 
 // In the depth camera's frame, along z; 0 where there is no reading.
 double reading_at(const DepthPicture& depth, const Eigen::Vector3d& ray_in_depth) {
-  if (ray_in_depth.z() < 0.1 * ray_in_depth.norm()) return 0.0;
+  if (ray_in_depth.z() < kLeastForward * ray_in_depth.norm()) return 0.0;
   const Eigen::Vector2d there =
       depth.distortion.distorted({ray_in_depth.x() / ray_in_depth.z(), ray_in_depth.y() / ray_in_depth.z()});
   const double column = there.x() * depth.camera.fx + depth.camera.cx,
@@ -126,7 +126,7 @@ Image<float> depth_picture_of(const Frame& frame, const CameraRig& rig, const De
 std::array<std::uint8_t, 3> colour_at(const Frame& frame, const Pinhole& camera, const Eigen::Vector2d& pixel) {
   const ColourPicture& colour = frame.colour;
   const Eigen::Vector3d ray = colour.raw_from_rectified * camera.ray(pixel);
-  if (colour.blue_green_red && ray.z() > 0.1) {
+  if (colour.blue_green_red && ray.z() > kLeastForward) {
     const Eigen::Vector2d there = colour.distortion.distorted({ray.x() / ray.z(), ray.y() / ray.z()});
     const auto x = std::lround(there.x() * colour.camera.fx + colour.camera.cx),
                y = std::lround(there.y() * colour.camera.fy + colour.camera.cy);

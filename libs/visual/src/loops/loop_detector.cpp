@@ -1,6 +1,7 @@
 #include "loop_detector.h"
 
 #include "judged_place.h"
+#include "loop_claims.h"
 #include "map_correction.h"
 
 #include <mapweave/maps/map_noise.h>
@@ -15,13 +16,11 @@ namespace mapweave::visual {
 namespace {
 
 constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
-constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
 constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can connect sessions
-// Most alike of all; places of them that are judged: bounds time.
-constexpr std::size_t kLookedUp = 12, kJudged = 2;
-constexpr std::size_t kCovisible = 4;  // keyframes that speak with the one that looks alike
-constexpr double kLeastAlike = 0.3;    // of the likeness of consecutive keyframes, as fusion.visual.least_alike
-constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
+constexpr std::size_t kLookedUp = 12;       // most alike of all, of which kJudged places are judged
+constexpr std::size_t kCovisible = 4;       // keyframes that speak with the one that looks alike
+constexpr double kLeastAlike = 0.3;         // of the likeness of consecutive keyframes, as fusion.visual.least_alike
+constexpr double kApart_m = 1.0;            // claims that contradict each other
 constexpr int kLeastShared = kCovisibleMotion.least_shared;
 
 NodeId id_of(int keyframe) {
@@ -32,11 +31,7 @@ NodeId id_of(int keyframe) {
 
 // Of two sessions, the keyframes with the least time between them.
 std::pair<int, int> nearest_in_time(const LandmarkMap& map, int session, int other) {
-  std::vector<int> order;
-  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
-    if (const Keyframe& k = map.keyframe(number); !k.gone && (k.session == session || k.session == other))
-      order.push_back(number);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  const std::vector<int> order = keyframes_in_order(map, session, other);
   std::pair<int, int> nearest{order.front(), order.back()};
   double least_s = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < order.size(); ++i) {
@@ -48,15 +43,19 @@ std::pair<int, int> nearest_in_time(const LandmarkMap& map, int session, int oth
   return nearest;
 }
 
-double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angle(); }
-
 }  // namespace
 
-std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int session, int least_landmarks) {
+std::vector<int> keyframes_in_order(const LandmarkMap& map, int session, int other) {
   std::vector<int> order;
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
-    if (!map.keyframe(number).gone && map.keyframe(number).session == session) order.push_back(number);
+    if (const Keyframe& k = map.keyframe(number); !k.gone && (k.session == session || k.session == other))
+      order.push_back(number);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  return order;
+}
+
+std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int session, int least_landmarks) {
+  const std::vector<int> order = keyframes_in_order(map, session, session);
   std::vector<CovisibilityEdge> edges;
   for (std::size_t i = 1; i < order.size(); ++i) {
     bool to_the_last = false;
@@ -227,8 +226,6 @@ std::optional<FoundLoop> VisualLoopDetector::compare(LandmarkMap& map, int newes
 }
 
 Departure VisualLoopDetector::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
-  // Radians, and logarithm of scale, that a loop may correct.
-  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const double drift = options_.loops.drift;
   if (here == there) {

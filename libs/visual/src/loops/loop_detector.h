@@ -77,6 +77,9 @@ class VisualLoopDetector {
   double repeats_m_ = kUnique_m;
 };
 
+// Of one session, or of two: keyframes in the order in which they were made.
+std::vector<int> keyframes_in_order(const LandmarkMap& map, int session, int other);
+
 // Along covisibility edges, metres from one keyframe to another; infinite where nothing leads there.
 double path_between(const LandmarkMap& map, int from, int to);
 

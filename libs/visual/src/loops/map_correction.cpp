@@ -242,10 +242,7 @@ std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vec
     moved[slot] = 1;
     scales[slot] = motion.scale;
   }
-  std::vector<int> order;
-  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
-    if (!map.keyframe(number).gone && map.keyframe(number).session == session) order.push_back(number);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  const std::vector<int> order = keyframes_in_order(map, session, session);
   for (std::size_t i = 1; i < order.size(); ++i) {
     const auto here = static_cast<std::size_t>(order[i]), last = static_cast<std::size_t>(order[i - 1]);
     if (moved[here]) continue;

@@ -1,6 +1,8 @@
 #include "shared_loops.h"
 
+#include "loop_claims.h"
 #include "sharing/borrowed_landmarks.h"
+#include "sharing/shown_landmarks.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,18 +10,10 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::uint32_t kMemory = 10;  // keyframes for which a claim stands
-// Keyframes most alike that are named, and that are judged of them: a keyframe must not take longer than till the next.
-constexpr std::size_t kLookedUp = 6, kJudged = 2;
-constexpr std::size_t kCovisible = 2;                                // own keyframes that speak with the newest
-constexpr double kTurnApart = 0.05, kScaleApart = 0.15;              // claims that agree; the last of logarithms
-constexpr double kStands_m = 0.1, kStands_rad = 0.03;                // less is no loop: tracking corrects it
-constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;  // that a loop may correct
-constexpr int kLeastShown = 20;                                      // landmarks: of fewer, a share says nothing
-constexpr double kShownShare = 0.6;                                  // of the landmarks found
-constexpr double kFar = 0.05, kClose = 0.015;  // widths of the picture: where a landmark is looked for
-
-double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angle(); }
+// Keyframes most alike that are named, of which kJudged are judged: a keyframe must not take longer than till the next.
+constexpr std::size_t kLookedUp = 6;
+constexpr std::size_t kCovisible = 2;                  // own keyframes that speak with the newest
+constexpr double kStands_m = 0.1, kStands_rad = 0.03;  // less is no loop: tracking corrects it
 
 // Landmarks that the features show within `radius_px` of where they should be.
 std::vector<Sighting> shown(const std::vector<DescribedLandmark>& landmarks, const FrameFeatureGrid& features,
@@ -29,7 +23,7 @@ std::vector<Sighting> shown(const std::vector<DescribedLandmark>& landmarks, con
   for (const DescribedLandmark& landmark : landmarks) {
     const Eigen::Vector3d p = view * landmark.point_in_map,
                           q = view * (landmark.point_in_map + landmark.feature_from_point).eval();
-    if (!(p.z() > 0.1 && q.z() > 0.1)) continue;
+    if (!(p.z() > kNearest_m && q.z() > kNearest_m)) continue;
     const Eigen::Vector2d pixel = camera.project(p), at = camera.project(q);
     const int feature = features.find(landmark.descriptor, at, radius_px, taken);
     if (feature < 0) continue;

@@ -149,7 +149,7 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
       known[static_cast<std::size_t>(id)] = 1;
       const ClientLandmark& landmark = map.landmark(id);
       const Eigen::Vector3d p = view * landmark.point;
-      if (p.z() < 0.1 || landmark.borrowed) continue;
+      if (p.z() < kNearest_m || landmark.borrowed) continue;
       const Eigen::Vector2d pixel = map.camera.project(p);
       if (!(pixel.x() >= kCell && pixel.y() >= kCell && pixel.x() < map.camera.width - kCell &&
             pixel.y() < map.camera.height - kCell))

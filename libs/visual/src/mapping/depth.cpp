@@ -10,6 +10,8 @@ namespace {
 constexpr int kAround = 2, kMostMissing = 6;
 constexpr double kEdge = 0.03, kSigmasAtEdge = 5.0;
 constexpr double kLeastDisparity_px = 1.0;  // of less, a fraction of a pixel changes the depth many times over
+// Of the disparity that a landmark's depth says: the stretch of the row that is searched, as shares and in pixels more.
+constexpr double kLeastShare = 0.7, kLargestShare = 1.4, kBeside_px = 5.0;
 
 }  // namespace
 
@@ -28,7 +30,7 @@ std::optional<MeasuredDepth> DepthMeter::reading(const Eigen::Vector2d& pixel) c
   if (image.empty() || std::abs(depth_.delay_s) > kLongestInterval_s) return std::nullopt;
   Eigen::Vector3d ray = map_.camera.ray(pixel);
   ray += depth_.delay_s * motion_.rotation_per_s.cross(ray);
-  if (ray.z() < 0.1) return std::nullopt;
+  if (ray.z() < kLeastForward) return std::nullopt;
   const Eigen::Vector2d there = depth_.distortion.distorted({ray.x() / ray.z(), ray.y() / ray.z()});
   const double column = there.x() * depth_.camera.fx + depth_.camera.cx,
                row = there.y() * depth_.camera.fy + depth_.camera.cy;
@@ -61,8 +63,8 @@ std::optional<MeasuredDepth> DepthMeter::disparity(const Eigen::Vector2d& pixel,
   double low = kLeastDisparity_px, high = options_.depth.max_disparity * map_.camera.width;
   if (expected_m > 0.0) {
     const double expected = focal_baseline / expected_m;
-    low = std::max(low, 0.7 * expected - 5.0);
-    high = std::min(high, 1.4 * expected + 5.0);
+    low = std::max(low, kLeastShare * expected - kBeside_px);
+    high = std::min(high, kLargestShare * expected + kBeside_px);
   }
   const auto found = find_disparity(*patch, pixel, right_, low, high);
   if (!found) return std::nullopt;

@@ -47,12 +47,12 @@ Eigen::Vector2d LandmarkMap::slack_of(const ClientLandmark& seen, const View& vi
   constexpr double kStep = 0.01;  // of the distance, for a derivative by differences
   const Eigen::Vector3d from_first = seen.point - keyframe(seen.seen.front().keyframe).view.centre();
   const Eigen::Vector3d here = view * seen.point, there = here + kStep * (view.rotation * from_first);
-  if (!(here.z() > 0.05 && there.z() > 0.05)) return Eigen::Vector2d::Zero();
+  if (!(here.z() > kNearestAligned_m && there.z() > kNearestAligned_m)) return Eigen::Vector2d::Zero();
   return seen.share_unknown / kStep * (camera.project(there) - camera.project(here));
 }
 
 void LandmarkMap::widen(Sighting& sighting, const ClientLandmark& seen, double depth_m) const {
-  const double depth = std::max(depth_m, 0.1), away = seen.borrowed->sigma_m / depth;
+  const double depth = std::max(depth_m, kNearest_m), away = seen.borrowed->sigma_m / depth;
   sighting.sigma_px =
       std::sqrt(sighting.sigma_px * sighting.sigma_px + seen.borrowed->sigma_px * seen.borrowed->sigma_px +
                 camera.fx * camera.fx * away * away);

@@ -52,7 +52,7 @@ void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const Clie
   std::vector<Track> kept;
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     const Eigen::Vector3d carried = motion_ * shown.points[i];
-    if (!(carried.z() > 0.1)) continue;
+    if (!(carried.z() > kNearest_m)) continue;
     const auto match = align_patch(plain_patch(tracks_[i].patch), picture[tracks_[i].patch.level],
                                    camera.project(carried), static_cast<float>(options.tracking.reach_px));
     if (!match || static_cast<double>(match->correlation) < options.tracking.min_correlation) continue;

@@ -28,7 +28,7 @@ struct Expected {
 std::optional<Expected> expected(const matching::DescribedLandmark& known, const Pinhole& camera, const View& view) {
   const Eigen::Vector3d p = view * known.point_in_map,
                         q = view * (known.point_in_map + known.feature_from_point).eval();
-  if (!(p.z() > 0.1 && q.z() > 0.1)) return std::nullopt;
+  if (!(p.z() > kNearest_m && q.z() > kNearest_m)) return std::nullopt;
   const Expected at{camera.project(p), camera.project(q)};
   for (const Eigen::Vector2d& pixel : {at.pixel, at.feature})
     if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder &&

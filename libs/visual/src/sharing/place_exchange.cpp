@@ -1,15 +1,15 @@
 #include "place_exchange.h"
 
+#include "shown_landmarks.h"
+
 #include "mapping/depth.h"
 #include "tracking/place_finder.h"
 
 namespace mapweave::visual {
 namespace {
 
+// Answers, each with its frame and picture: bounds memory, the oldest is given up.
 constexpr std::size_t kWaitedFor = 4;
-constexpr double kFar = 0.05, kClose = 0.015;  // widths of the picture: where a landmark is looked for
-constexpr int kLeastShown = 20;
-constexpr double kShownShare = 0.6;  // of the landmarks found
 
 }  // namespace
 

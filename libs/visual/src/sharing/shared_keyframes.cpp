@@ -186,7 +186,7 @@ std::vector<DescribedLandmark> SharedKeyframes::in_view(int session, const View&
     const View view_from_other = view * known->view.inverse();
     for (const auto& [id, landmark] : known->landmarks) {
       if (result.size() >= kMostInView) return result;
-      if (!((view_from_other * landmark.point_in_map).z() > 0.1)) continue;
+      if (!((view_from_other * landmark.point_in_map).z() > kNearest_m)) continue;
       DescribedLandmark here = matching::transformed(landmark, map_from_camera);
       if (is_expected(here, camera, view)) result.push_back(std::move(here));
     }

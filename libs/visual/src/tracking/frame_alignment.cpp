@@ -81,7 +81,7 @@ FrameAlignment align_frames(const Pyramid& from, const ShownPoints& shown, const
       int used = 0;
       for (const Kept& k : kept) {
         const Eigen::Vector3d p = view * k.point;
-        if (p.z() < 0.05) continue;
+        if (p.z() < kNearestAligned_m) continue;
         const Eigen::Vector2d pixel = camera.project(p);
         const float x = static_cast<float>(at_level(pixel.x(), level)) - (kSide / 2 - 0.5F);
         const float y = static_cast<float>(at_level(pixel.y(), level)) - (kSide / 2 - 0.5F);

@@ -51,7 +51,8 @@ bool is_good(const LandmarkMap& map, const Attempt& attempt, bool followed, cons
 }
 
 bool is_led_by_a_thing(const LandmarkMap& map, const Attempt& attempt, const TrackingOptions& options) {
-  constexpr std::size_t kFew = 8;
+  // What moves (a robot beside this one) is small, and the world around it large (DECISIONS.md, 108).
+  constexpr std::size_t kFew = 8;  // landmarks that agree on another place
   constexpr double kThing_m = 0.4, kLarger = 2.0;
   std::vector<Eigen::Vector3d> of_thing, around;
   std::vector<Sighting> others;

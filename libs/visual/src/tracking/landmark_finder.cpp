@@ -123,7 +123,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       if (landmark.gone || looked == look_) continue;
       looked = look_;
       const Eigen::Vector3d p = guess * landmark.point;
-      if (p.z() < 0.1) continue;
+      if (p.z() < kNearest_m) continue;
       const Eigen::Vector2d pixel = camera.project(p);
       if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder &&
             pixel.y() < camera.height - kBorder))

@@ -58,7 +58,7 @@ Attempt Tracker::follow(LandmarkMap& map, const Frame& frame, const Pyramid& pic
   ShownPoints shown;
   for (const Match& match : place_.matches) {
     const Eigen::Vector3d p = place_.view * map.landmark(match.landmark).point;
-    if (p.z() < 0.1) continue;
+    if (p.z() < kNearest_m) continue;
     shown.pixels.push_back(map.camera.project(p));
     shown.points.push_back(p);
   }
@@ -110,6 +110,7 @@ Attempt Tracker::find_again(LandmarkMap& map, const VisualLoopDetector* places, 
     if (!answer) {
       answer = std::move(attempt);
     } else if (attempt.session == answer->session) {
+      // Places so far apart that both fit look alike: neither is believed.
       constexpr double kApart_m = 0.5, kApart_rad = 0.3;
       const View apart = attempt.pose.view * answer->pose.view.inverse();
       if (apart.centre().norm() > kApart_m || Eigen::AngleAxisd(apart.rotation).angle() > kApart_rad) return best;

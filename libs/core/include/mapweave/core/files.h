@@ -40,6 +40,10 @@ std::string read_file(const std::filesystem::path&, std::uint64_t most_bytes = s
 // neither a partial file nor a changed old one.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
+// With its parents; nothing where it is there. Throws Error kCannotWrite, with `problem` and what the system says.
+void make_folder(const std::filesystem::path&, const std::string& remedy,
+                 const std::string& problem = "the folder cannot be made");
+
 // An input that a folder of results would replace is lost with --force: throws Error kUsage where one of them lies in
 // `out_folder`, or is it.
 void expect_outside(const std::filesystem::path& out_folder, const std::vector<std::filesystem::path>& inputs);

@@ -76,6 +76,7 @@ Pose2 planar(const Pose3&);
 inline constexpr int kPlanarAxes[3] = {0, 1, 5};
 Eigen::Matrix<double, 6, 6> spatial(const Eigen::Matrix3d&);
 Eigen::Matrix3d planar(const Eigen::Matrix<double, 6, 6>&);
+bool is_planar(const Pose3&);  // at height 0, turned about z alone
 bool is_finite(const Pose2&);
 bool is_finite(const Pose3&);
 

@@ -17,6 +17,7 @@ struct Hash {
   friend bool operator<(const Hash& a, const Hash& b) { return a.bytes < b.bytes; }
 };
 std::string to_hex(const Hash&);
+std::string to_hex(std::string_view bytes);  // two digits a byte, in lower case
 
 // Adds values in a form that does not depend on the machine (little-endian, texts with their length), so that
 // add("ab").add("c") and add("a").add("bc") differ.

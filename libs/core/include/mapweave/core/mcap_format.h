@@ -36,4 +36,38 @@ inline void append_record(std::string& to, Opcode opcode, std::string_view field
   to += fields;
 }
 
+inline void append_header(std::string& to, std::string_view profile, std::string_view library) {
+  std::string fields;
+  append_text(fields, profile);
+  append_text(fields, library);
+  append_record(to, Opcode::kHeader, fields);
+}
+
+inline void append_schema(std::string& to, std::uint16_t number, std::string_view type, std::string_view encoding,
+                          std::string_view definition) {
+  std::string fields;
+  append_number(fields, number);
+  append_text(fields, type);
+  append_text(fields, encoding);
+  append_text(fields, definition);
+  append_record(to, Opcode::kSchema, fields);
+}
+
+// metadata: pairs of texts.
+inline void append_channel(std::string& to, std::uint16_t number, std::uint16_t schema, std::string_view topic,
+                           std::string_view encoding, std::string_view metadata) {
+  std::string fields;
+  append_number(fields, number);
+  append_number(fields, schema);
+  append_text(fields, topic);
+  append_text(fields, encoding);
+  append_text(fields, metadata);
+  append_record(to, Opcode::kChannel, fields);
+}
+
+// The end of the data; their checksum is left out.
+inline void append_data_end(std::string& to) {
+  append_record(to, Opcode::kDataEnd, std::string(sizeof(std::uint32_t), '\0'));
+}
+
 }  // namespace mapweave::mcap

@@ -17,4 +17,6 @@ Value median(std::vector<Value> values) {
   return *middle;
 }
 
+inline constexpr double kMedianOfNormal = 0.6745;  // of |x| where x is standard normal
+
 }  // namespace mapweave

@@ -6,6 +6,15 @@
 
 namespace mapweave {
 
+// Depths in front of a camera. Nearer than the first, no landmark is looked for in its picture: a pose that is a
+// millimetre off moves it there by a hundredth of the focal length. While a pose is being found, what was farther at
+// first may come nearer; only what is all but in the camera's own plane is left out.
+inline constexpr double kNearest_m = 0.1;
+inline constexpr double kNearestAligned_m = 0.05;  // where pictures are aligned, and depths varied
+inline constexpr double kNearestSolved_m = 0.02;   // in least squares
+// A ray of length 1 or so that was turned into another camera's frame: its depth. Less is far aside, or behind.
+inline constexpr double kLeastForward = 0.1;
+
 struct Pinhole {
   int width = 0, height = 0;
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;

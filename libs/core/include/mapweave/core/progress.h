@@ -20,6 +20,9 @@ class Progress {
   virtual void say(std::string_view line) = 0;  // a line that stays
 };
 
+// Through a file, by its bytes: what is shown is whole "kB".
+inline constexpr std::uint64_t kKilobyte = 1000;
+
 // One task, ended however it is left.
 class ProgressTask {
  public:

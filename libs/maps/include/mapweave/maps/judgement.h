@@ -49,6 +49,8 @@ enum class Reason : std::uint8_t {
   other_widths = 11      // walls coincide, but rooms are wider in one map than in the other
 };
 
+inline constexpr double kProbabilityOfDoubt = 0.1;  // what a doubt leaves of a probability: below any threshold
+
 struct Judgement {
   Hash id;        // hash of a, b, matcher and options
   SubmapId a, b;  // a < b

@@ -14,6 +14,10 @@ inline constexpr double kPathDrift_per_m =
     0.02;  // of a path that bends one way all along; from one submap to the next: half of it
 inline constexpr double kSubmapTurn_rad = 0.008;
 
+// Standard deviation of where one submap lies to another, from which a loop between them may have been missed: there
+// places that look alike are compared farther away than drift explains.
+inline constexpr double kLittleKnown_m = 2.0;
+
 inline Eigen::Matrix3d planar_information(double sigma_m, double sigma_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
       .asDiagonal();
@@ -25,9 +29,19 @@ inline Eigen::Matrix3d submap_step_information(double length_m, double drift_per
   return planar_information(sigma_m, turn_rad);
 }
 
-// Submaps bend a little when the nodes in them move on their own: no match of two of them, within a robot's map or
-// between robots', is stiffer than 5 cm and 5 mrad.
+// How far a match of two submaps is off at least, however sharp their walls: added to the covariance of the match. Each
+// stands for what is moved by the match.
+// Submaps bend a little when the nodes in them move on their own. Where whole submaps are moved, each as one piece, no
+// match of two of them, within a robot's map or between robots', is stiffer than 5 cm and 5 mrad.
 inline Eigen::Matrix3d submap_bend_covariance() { return Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal(); }
+// Where every node moves on its own, and the match holds the anchors of the submaps, what bends is in the graph itself:
+// these are stiffer. A robot's own loop: 2 cm and 3 mrad, what the anchors of two submaps are known to at best. Between
+// two robots' maps, each of which was optimised before by itself: 3 cm and 3 mrad.
+inline Eigen::Matrix3d own_anchors_covariance() { return Eigen::Vector3d(4e-4, 4e-4, 9e-6).asDiagonal(); }
+inline Eigen::Matrix3d team_anchors_covariance() { return Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal(); }
+// Where matches all over two maps together say how one whole map lies in the other, they share the errors of the maps,
+// however many agree: 2 cm and 1.7 mrad.
+inline Eigen::Matrix3d alignment_covariance() { return Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal(); }
 
 // A camera's map, from one keyframe to a covisible one: millimetres that each keyframe is off by itself, and a share of
 // the motion. The graph of one robot's cameras and that of a team move the same keyframes against each other.

@@ -10,6 +10,12 @@
 
 namespace mapweave::matching {
 
+// Two submaps may show the same walls while the middles of their walls are nearer than this share of their radii
+// together. What is seen at the end of a hall makes a circle large and is too little to match by: hence the bound on a
+// radius.
+inline constexpr double kOverlapShare = 0.6;
+inline constexpr float kLargestOverlapRadius_m = 12.0F;
+
 // What rays said about a cell.
 enum class Sight : std::uint8_t { unknown = 0, free = 1, wall = 2 };
 

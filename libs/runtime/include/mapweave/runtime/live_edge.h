@@ -74,9 +74,8 @@ class LiveEdge {
   std::shared_ptr<transport::Channel> connect();
   // The edge's end of any channel to a robot, for as long as it is open. Closed at once where there are too many.
   void serve(std::shared_ptr<transport::Channel> robot);
-  // As connect() and serve() for one camera of this robot at the camera map server, each on its own channel. The
-  // channel is closed where cameras do not share.
-  std::shared_ptr<transport::Channel> connect_camera(const RobotId& robot);
+  // As serve() for one camera of this robot at the camera map server, each on its own channel. The channel is closed
+  // where cameras do not share.
   void serve_camera(const RobotId& robot, std::shared_ptr<transport::Channel> camera);
   // How many of this robot's cameras have come so far.
   std::size_t cameras_of(const RobotId& robot) const;

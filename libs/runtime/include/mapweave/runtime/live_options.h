@@ -6,6 +6,8 @@
 
 namespace mapweave::runtime {
 
+inline constexpr std::size_t kMostLinks = 1000;  // of one program with its clients, at a time: bounds memory
+
 struct LiveWireOptions {
   double repeat_s = 2.0;
   int window_kb = 4096;

@@ -37,7 +37,6 @@ SimulatedTeam make_corridor(const CorridorOptions& = {}, const TeamOptions& = {}
 SimulatedTeam make_apartment(const ApartmentOptions& = {}, const TeamOptions& = {});
 SimulatedTeam make_repeated_rooms(const RoomRowOptions& = {}, const TeamOptions& = {});
 SimulatedTeam make_mirrored_rooms(const RoomRowOptions& = {}, const TeamOptions& = {});
-SimulatedTeam make_hall(const HallOptions& = {}, const TeamOptions& = {});
 SimulatedTeam make_ring(const RingOptions& = {}, const TeamOptions& = {});
 // Every robot in an apartment of its own, each from another seed: nothing to merge.
 SimulatedTeam make_two_strangers(const ApartmentOptions& = {}, const TeamOptions& = {});
