@@ -6,30 +6,29 @@ the log is long enough. Parts:
   latency  at sensor speed: from a scan to the edge's preview and to the cloud's that have it
   load     3, 8 and 20 robots of fr079 at sensor speed: what each program uses, what goes over the wires, and that no scan is lost
   cameras  the same of 8 simulated robots with cameras, which map on board
-  faults   every program and the broker killed twice at random moments, at 10 times the speed; then the broker stopped for 20 s: the bytes of the undisturbed maps
+  faults   every program and the broker killed three times at random moments, at 10 times the speed; the broker stopped for 20 s; robots' wires cut for a minute and an hour of data, and slow ones that lose:
+           the bytes of the undisturbed maps
+  cluster  `run --cluster` with 3 workers, intel as 3 robots and tum_fr1_rpy as 2 cameras: the bytes of `run`; tum_fr1_rpy as programs of a deployment, too
   flat     a long simulated drive, 40 times as fast as sensed: memory, disk and the time between previews after a quarter, half and all of it
 Writes tables between <!-- bench:serve --> and <!-- /bench --> of datasets/RESULTS.md, and out/bench/serve.json; a partial run keeps the other tables. Exit code 5 where a goal is missed, which the table's last column
 says. Latencies are true on an idle machine alone: the load average when a row began and ended stands in it. Everything takes some twenty minutes.
 """
 import json
 import math
-import os
-import random
-import signal
 import statistics
 import sys
 import time
 
 from benches import common
 from benches.serve_bench import deployment as live
-from benches.team_bench import carmen
+from benches.serve_bench.cluster import cluster, cluster_cells
+from benches.serve_bench.faults import faults, faults_cells
+from benches.serve_bench.team import Team, load_average, missing_scans, other_than, scans_of, stamps_that_show, write_configuration
 from benches.teams import some, tables_of
 
 GOAL_EDGE_S, GOAL_CLOUD_S = 1.0, 3.0   # 95 of 100 scans are in the preview by then
-INSERT_M, INSERT_RAD = 0.05, 0.026     # laser.graph.insert_distance_m and insert_yaw_rad: other scans show nothing new, and previews leave them out
 FLAT_SPEED = 40.0   # edges keep up, so that robots drive for as long as is mapped
 FLAT, GOAL_FLAT_MB = ("robot", "broker"), 20.0   # in an hour; edges and the cloud hold maps, journals all that was sensed
-FAULTS_SPEED, KILLS, STOPPED_S = 10.0, 2, 20.0
 FLAT_WORLD = """\
 seed: 7
 buildings:
@@ -54,69 +53,9 @@ def add_arguments(parser):
     parser.add_argument("--parts", default=list(PARTS), type=some(PARTS, "part"), metavar="NAME,...", help=f"default: all of {','.join(PARTS)}")
     parser.add_argument("--seconds", type=float, metavar="S", help="that robots drive, in data (default: " + ", ".join(f"{name} {seconds}" for name, (_, seconds) in PARTS.items()) + "); leaves RESULTS.md as it is")
     parser.add_argument("--rows", default="", metavar="LOG:ROBOTS,...", help="latency, load: only these, as in fr079:8; leaves RESULTS.md as it is")
+    parser.add_argument("--faults", default="", metavar="NAME,...", help="faults: only these of kills, broker, cut, hour and slow; leaves RESULTS.md as it is")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="faults: of the moments (default: %(default)s)")
     parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md as it is")
-
-
-class Team:
-    """Robots of a log on two edges, neighbours on the same one."""
-
-    def __init__(self, log, count, seconds):
-        self.name, self.folder = f"{log} as {count} robots", common.OUT / "serve" / f"{log}-{count}-{seconds:g}"
-        self.folder.mkdir(parents=True, exist_ok=True)
-        whole = carmen.load(common.need(common.DATA / "laser" / log / f"{log}.clf.gz", "set MAPWEAVE_DATA"))
-        begin, end = whole.stamps[0], whole.stamps[-1]
-        step = min(2 / 3 * seconds, max(0.0, end - begin - seconds) / max(1, count - 1))
-        self.cuts = {f"r{i:02}": carmen.cut(whole, begin + i * step, begin + i * step + seconds) for i in range(count)}
-        self.edges = {robot: ("north" if i < (count + 1) // 2 else "south") for i, robot in enumerate(self.cuts)}
-        for robot, cut in self.cuts.items():
-            cut.write(self.folder / f"{robot}.clf.gz")
-        self.configuration = write_configuration(self.folder, {robot: f"{robot}.clf.gz" for robot in self.cuts}, self.edges)
-        self.seconds = max(cut.stamps[-1] - cut.stamps[0] for cut in self.cuts.values())
-
-    def deployment(self, watch_s=0.25, **options):
-        return live.Deployment(self.folder, self.configuration, self.edges, options, watch_s)
-
-    @staticmethod
-    def trajectory(maps, robot):
-        return maps / "robots" / robot / "trajectory.tum"
-
-    def outputs_of_run(self):
-        folder = self.folder / "run"
-        if not folder.exists() or folder.stat().st_mtime < common.PROGRAM.stat().st_mtime:   # of another program
-            common.mapweave("run", self.configuration, "--out", folder, "--force")
-        return outputs(folder)
-
-
-def write_configuration(folder, logs, edges, sensor="laser"):
-    path = folder / "run.yaml"
-    lines = [f"  - {{id: {robot}, log: {json.dumps(str(folder / log))}, edge: {edges[robot]}}}\n" for robot, log in logs.items()]
-    path.write_text(f"sensor: {sensor}\noutput: {{report: false}}\nrobots:\n" + "".join(lines))
-    return path
-
-
-def outputs(folder):
-    """Checksums of all results but the configuration, which says how programs talk."""
-    return {name: one for name, one in json.loads((folder / "manifest.json").read_text())["outputs"].items() if name != "config.yaml"}
-
-
-def other_than(maps, team):
-    """What is not as `run` leaves it."""
-    one, other = outputs(maps), team.outputs_of_run()
-    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
-
-
-def load_average():
-    return f"{os.getloadavg()[0]:.1f}"
-
-
-def scans_of(maps):
-    return {robot["id"]: robot["scans"] for robot in json.loads((maps / "summary.json").read_text())["robots"]}
-
-
-def missing_scans(maps, team):
-    scans = scans_of(maps)
-    return sum(abs(len(cut.scans) - scans.get(robot, 0)) for robot, cut in team.cuts.items())
 
 
 # --- same
@@ -141,20 +80,6 @@ def same_cells(row):
 
 
 # --- latency
-
-def stamps_that_show(trajectory):
-    """Stamps of scans that are drawn: the robot has moved since the one before."""
-    stamps, last = [], None
-    for line in trajectory.read_text().splitlines():
-        if line.startswith("#"):
-            continue
-        stamp, x, y, _, _, _, z, w = map(float, line.split())
-        yaw = 2 * math.atan2(z, w)
-        if last is None or math.hypot(x - last[0], y - last[1]) > INSERT_M or abs(carmen.wrap(yaw - last[2])) > INSERT_RAD:
-            stamps.append(stamp)
-            last = x, y, yaw
-    return stamps
-
 
 class Latencies:
     """Of scans, by the first preview that is as new. A map is shown once it has ten scans: those wait for it."""
@@ -283,111 +208,6 @@ def load_cells(row):
             f"{use['cloud']['received']:.1f}, {use['cloud']['sent']:.1f}")
 
 
-# --- faults
-
-def moments(deployment, seconds, seed):
-    """(seconds after the drive's begin, who, seconds until it is started again), by time."""
-    chance = random.Random(seed)
-    return sorted((chance.uniform(0.05, 0.85) * seconds, name, chance.uniform(0.2, 3.0)) for name in deployment.all for _ in range(KILLS))
-
-
-class Recovery:
-    """From now on, when something is there again: until the cloud shows what each robot that drives sensed afterwards."""
-
-    def __init__(self, deployment, who, showing):
-        self.deployment, self.who, self.showing, self.at, self.took_s = deployment, who, showing, time.time(), None
-        self.goals = {}   # {robot: stamp}
-
-    def look(self):
-        if self.took_s is None and self.is_over():
-            self.took_s = time.time() - self.at
-
-    def goal_of(self, robot):
-        """The newest scan that shows something, at the robot's first word since that says of more than it ever said."""
-        recorded = 0.0
-        for status in self.deployment.board.of(f"robot-{robot}"):
-            now = status["tiers"][0]["counts"]["recorded_seconds"]
-            if status["said_at_ns"] * 1e-9 >= self.at and now > recorded:
-                return max((stamp for stamp in self.showing[robot] if stamp <= self.showing[robot][0] + now), default=0.0)
-            recorded = max(recorded, now)
-        return None
-
-    def is_over(self):
-        shown = self.deployment.watch.newest("cloud")
-        for robot in self.deployment.robots:
-            if self.goals.get(robot) is None:
-                self.goals[robot] = self.goal_of(robot)
-            has_ended = self.deployment.programs[robot].process.poll() == 0
-            if not has_ended and (self.goals[robot] is None or shown.get(robot, 0.0) < self.goals[robot] - 1e-4):
-                return False
-        return True
-
-
-def watch_drives(deployment, recoveries, seconds):
-    """False: all robots have ended."""
-    for recovery in recoveries:
-        recovery.look()
-    deployment.expect_sound()
-    if time.time() > deployment.began + 3 * seconds + 240:
-        deployment.fail("robots still drive")
-    time.sleep(0.05)
-    return any(deployment.programs[robot].process.poll() != 0 for robot in deployment.robots)
-
-
-def killed(deployment, seconds, seed, showing):
-    """Kills and starts again; the recoveries, from when something was started."""
-    recoveries, starts, plan = [], [], moments(deployment, seconds, seed)
-    while watch_drives(deployment, recoveries, seconds) or starts:
-        now = time.time()
-        while plan and now >= deployment.began + plan[0][0]:
-            _, name, away_s = plan.pop(0)
-            if deployment.all[name].is_running:
-                deployment.all[name].kill()
-                starts.append((now + away_s, name))
-        for at, name in [one for one in starts if now >= one[0]]:
-            deployment.all[name].start()
-            recoveries.append(Recovery(deployment, name, showing))
-            starts.remove((at, name))
-    return recoveries
-
-
-def stopped(deployment, seconds, _, showing):
-    """Stops the broker for a while."""
-    deployment.wait_for(lambda: time.time() >= deployment.began + seconds / 3, seconds, "")
-    deployment.broker.send(signal.SIGSTOP)
-    time.sleep(STOPPED_S)
-    deployment.broker.send(signal.SIGCONT)
-    recoveries = [Recovery(deployment, "broker", showing)]
-    while watch_drives(deployment, recoveries, seconds):
-        pass
-    return recoveries
-
-
-def faults(arguments, seconds):
-    speed = FAULTS_SPEED
-    team = Team("intel", 3, seconds)
-    team.outputs_of_run()   # before programs compete with it
-    showing = {robot: stamps_that_show(team.trajectory(team.folder / "run", robot)) for robot in team.cuts}
-    for what, disturb in ((f"{KILLS} x each of 6 programs and the broker killed, seed {arguments.seed}", killed), (f"the broker stopped for {STOPPED_S:g} s", stopped)):
-        before = load_average()
-        with team.deployment(watch_s=0.2, speed=speed, preview_period_s=1.0) as deployment:
-            recoveries = disturb(deployment, seconds / speed, arguments.seed, showing)
-            driven_s = time.time() - deployment.began
-            lost = deployment.lost_scans()
-            maps = deployment.wait_for_results(240)
-        others, missing = other_than(maps, team), missing_scans(maps, team)
-        times = [one.took_s for one in recoveries if one.took_s is not None]
-        goals = ([f"{len(others)} files differ: {', '.join(others[:3])}"] if others else []) + ([f"{missing} scans are missing"] if missing else []) + ([f"{lost} scans lost"] if lost else [])
-        yield {"what": what, "seconds": seconds, "speed": speed, "again": [(one.who, one.at - deployment.began, one.took_s) for one in recoveries], "times": times,
-               "different": len(others), "files": len(team.outputs_of_run()), "drive_s": driven_s, "undisturbed_s": team.seconds / speed, "load": f"{before}, {load_average()}", "missed": goals}
-
-
-def faults_cells(row):
-    times = row["times"]
-    took = f"{statistics.median(times):.1f} s ({max(times):.1f} s)" if times else "-"
-    return row["what"], len(row["again"]), took, f"{row['drive_s']:.0f} s of {row['undisturbed_s']:.0f} s", row["files"], row["different"]
-
-
 # --- flat
 
 def flat(arguments, seconds):
@@ -442,13 +262,14 @@ def flat_cells(row):
 LOAD_HEADERS = ("team", "scans or frames", "missing in the map", "drive", "processors: a robot, all edges, the cloud, the broker", "peak, MB: a robot, an edge, the cloud, the broker", "a robot's wire, kB/s: up, down", "the cloud's wires, kB/s: up, down")
 TABLES = {
     "same": ("The maps of `run`, byte for byte", ("team", "scans", "times sensor speed", "drive", "map after it", "files", "different"), same_cells),
+    "cluster": ("Runs that workers do, and cameras as programs: the bytes of `run`", ("team", "how", "`run` alone", "it took", "files", "different"), cluster_cells),
     "latency": ("From a scan to previews that have it, at sensor speed", ("team", "scans that show something", "previews every", "edge, median", "p95", "longest once shown", "a robot is shown after, at most", "cloud, median", "p95", "longest once shown", "a robot is shown after, at most"), latency_cells),
     "load": ("What programs use at sensor speed", LOAD_HEADERS, load_cells),
     "cameras": ("The same of cameras", LOAD_HEADERS, load_cells),
     "faults": ("Programs that are killed, wires that are cut: intel as 3 robots, 10 times as fast", ("what", "times", "the cloud shows what was sensed since after, median (longest)", "drive", "files", "other than undisturbed"), faults_cells),
     "flat": ("A long drive, 40 times as fast as sensed", ("what", "drive", "mapped in, done in", "after a quarter", "after half", "at the end", "more in an hour of it"), flat_cells),
 }
-PARTS = {"same": (same, 900), "latency": (latency, 120), "load": (load, 60), "cameras": (cameras, 40), "faults": (faults, 900), "flat": (flat, 3600)}
+PARTS = {"same": (same, 900), "cluster": (cluster, 900), "latency": (latency, 120), "load": (load, 60), "cameras": (cameras, 40), "faults": (faults, 900), "flat": (flat, 3600)}
 
 
 def table_of(part, rows):

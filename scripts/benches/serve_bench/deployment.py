@@ -15,6 +15,7 @@ import urllib.request
 
 from benches import common
 from benches.ros import free_port
+from benches.serve_bench.relay import Relay
 
 BROKER = shutil.which("nats-server") or shutil.which("nats-server", path="/usr/sbin:/usr/local/bin")
 TICKS = os.sysconf("SC_CLK_TCK")
@@ -184,15 +185,19 @@ class Usage(threading.Thread):
 class Deployment:
     """robots: {name: edge}. Everything is started by its name, in any order, and ended at the end of `with`."""
 
-    def __init__(self, folder, configuration, robots, options, watch_s=0.1):
+    def __init__(self, folder, configuration, robots, options, watch_s=0.1, wire=None):
+        """wire: of robots to the broker, as Relay has it; None: none between them."""
         shutil.rmtree(folder / "live", ignore_errors=True)
         self.folder, self.robots, self.edges = folder / "live", robots, sorted(set(robots.values()))
         self.folder.mkdir(parents=True)
         port, monitor = free_port(), free_port()
         self.pages = {tier: free_port() for tier in (*self.edges, "cloud")}
-        talk = [word for key, value in {"broker": f"nats://127.0.0.1:{port}", **options}.items() for word in ("--set", f"live.{key}={value}")]
+        wire_port = free_port()
+        self.relay = Relay(wire_port, port, **wire) if wire is not None else None
 
         def serve(role, name, *arguments):
+            broker = wire_port if self.relay and role == "robot" else port
+            talk = [word for key, value in {"broker": f"nats://127.0.0.1:{broker}", **options}.items() for word in ("--set", f"live.{key}={value}")]
             page = ["--set", f"live.page_port={self.pages[name]}"] if name in self.pages else []
             return Process(name, [common.PROGRAM, "serve", role, configuration, *arguments, *talk, *page], self.folder)
         self.broker = Process("broker", [BROKER, "-js", "-a", "127.0.0.1", "-p", port, "-m", monitor, "-sd", self.folder / "streams"], self.folder)
@@ -222,6 +227,8 @@ class Deployment:
             if process.is_running:
                 process.send(signal.SIGCONT)
             process.kill()
+        if self.relay:
+            self.relay.close()
         shutil.rmtree(self.folder / "streams", ignore_errors=True)
 
     def fail(self, what):
