@@ -67,11 +67,11 @@ function(mapweave_add_program name)
   set_property(GLOBAL APPEND PROPERTY MAPWEAVE_PROGRAMS ${name})
 endfunction()
 
-# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds] [WHOLE_SUITE <suite>] [SERIAL]): one
-# gtest executable per library. Each test is a process, but those of WHOLE_SUITE are one: they share what is slow to prepare. SERIAL: while
+# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds] [WHOLE_SUITES <suites>] [SERIAL]): one
+# gtest executable per library. Each test is a process, but those of each of WHOLE_SUITES are one: they share what is slow to prepare. SERIAL: while
 # one runs, no other test does.
 function(mapweave_add_test name)
-  cmake_parse_arguments(arg "SERIAL" "TIMEOUT;WHOLE_SUITE" "USES;SOURCES;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "SERIAL" "TIMEOUT" "USES;SOURCES;PRIVATE;WHOLE_SUITES" ${ARGN})
   add_executable(${name}_test ${arg_SOURCES})
   mapweave_compile_quickly(${name}_test REUSE_FROM mapweave_test_headers)
   list(TRANSFORM arg_USES PREPEND mapweave::)
@@ -85,10 +85,13 @@ function(mapweave_add_test name)
     math(EXPR arg_TIMEOUT "6 * ${arg_TIMEOUT}")
   endif()
   include(GoogleTest)
-  if(arg_WHOLE_SUITE)
-    add_test(NAME ${arg_WHOLE_SUITE} COMMAND ${name}_test --gtest_filter=${arg_WHOLE_SUITE}.*)
-    set_tests_properties(${arg_WHOLE_SUITE} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
-    set(one_by_one TEST_FILTER "-${arg_WHOLE_SUITE}.*")
+  foreach(suite IN LISTS arg_WHOLE_SUITES)
+    add_test(NAME ${suite} COMMAND ${name}_test --gtest_filter=${suite}.*)
+    set_tests_properties(${suite} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
+  endforeach()
+  if(arg_WHOLE_SUITES)
+    list(JOIN arg_WHOLE_SUITES ".*:" whole)
+    set(one_by_one TEST_FILTER "-${whole}.*")
   endif()
   gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 ${one_by_one}
     PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name} RUN_SERIAL ${arg_SERIAL})
