@@ -38,7 +38,7 @@ void read_description(std::string_view bytes) {
 }
 
 void read_image(std::string_view bytes) {
-  const GreyImage image = decode_image(bytes, kWhere);
+  const MapServerImage image = decode_image(bytes, kWhere);
   const auto pixels = static_cast<std::size_t>(image.columns) * static_cast<std::size_t>(image.rows);
   expect(image.shades.size() == pixels && (image.transparent.empty() || image.transparent.size() == pixels),
          "an image has its pixels");
