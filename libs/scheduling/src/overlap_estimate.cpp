@@ -150,6 +150,10 @@ void refine(const MapSummary& a, const std::vector<CellPoint>& walls_of_b, Guess
     }
 }
 
+bool contradicts(const Agreement& agreement, double at_most) {
+  return agreement.contradictions > at_most * std::max(1, agreement.known);
+}
+
 // Whether what stands around a viewpoint of one map stands in the other one, too.
 bool is_likely(const Agreement& found, std::size_t walls, bool are_small) {
   // Twelve cells that coincide, or three metres, make 24; up to twice as many lie beside.
@@ -157,11 +161,10 @@ bool is_likely(const Agreement& found, std::size_t walls, bool are_small) {
   // Of walls that fall on what is known. Before loops are closed, maps drift: more is forgiven where much coincides.
   constexpr double kContradicting = 0.05, kContradictingOfSmall = 0.08, kContradictingWhereFull = 0.2;
   constexpr double kKnown = 0.6;  // of the walls, where the other map has been. Small maps share less
-  const double contradicting = static_cast<double>(found.contradictions) / std::max(1, found.known);
   if (are_small)
-    return (found.walls >= kLeastWallsOfSmall && contradicting <= kContradictingOfSmall) ||
-           (found.walls >= kFullOfSmall && contradicting <= kContradictingWhereFull);
-  return found.walls >= kLeastWalls && contradicting <= kContradicting &&
+    return found.walls >= kLeastWallsOfSmall &&
+           !contradicts(found, found.walls >= kFullOfSmall ? kContradictingWhereFull : kContradictingOfSmall);
+  return found.walls >= kLeastWalls && !contradicts(found, kContradicting) &&
          found.known > kKnown * static_cast<double>(walls);
 }
 
@@ -170,16 +173,17 @@ Pose2 place_of(const MapSummary::Look& look) { return {0.01 * look.x_cm, 0.01 * 
 std::vector<Guess> likely_guesses(const MapSummary& a, const MapSummary& b) {
   constexpr std::size_t kFew = 8;  // viewpoints of a small map: one of them sees most of it
   const bool are_small = a.looks.size() <= kFew && b.looks.size() <= kFew;
-  constexpr double kContradictingBack =
-      0.08;  // of a's walls there, on b: places only alike contradict one way or other
+  // Of a's walls there, on b: places that are only alike contradict in one direction or the other. Small maps drift.
+  constexpr double kContradictingBack = 0.08, kContradictingBackOfSmall = 0.15;
   const std::vector<CellPoint> all = walls_of(a);
   std::vector<Guess> likely;
   for (Guess& guess : guesses_of(a, b)) {
     refine(a, guess.walls, guess);
-    if (!is_likely(agreement(a, guess.walls, guess.a_from_b), guess.walls.size(), are_small)) continue;
+    const Agreement found = agreement(a, guess.walls, guess.a_from_b);
+    if (!is_likely(found, guess.walls.size(), are_small)) continue;
     const Pose2 there = compose(guess.a_from_b, place_of(b.looks[guess.look]));
     const Agreement back = agreement(b, walls_around(all, there.x, there.y), inverse(guess.a_from_b));
-    if (back.contradictions > kContradictingBack * back.known) continue;
+    if (contradicts(back, are_small ? kContradictingBackOfSmall : kContradictingBack)) continue;
     likely.push_back(std::move(guess));
   }
   return likely;
