@@ -164,7 +164,11 @@ struct LiveTeam {
 
  private:
   int dropped_ = 0;
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  std::chrono::milliseconds pause_ = 100ms;  // the server keeps up with cameras, as it does without the sanitizer
+#else
   std::chrono::milliseconds pause_ = 10ms;
+#endif
 };
 
 simulation::WorldOptions two_robots(double length_m) {

@@ -91,7 +91,11 @@ struct LiveTeam : testing::Test {
             pool,          *silent, journal.empty() ? std::nullopt : std::optional(folder / (journal + ".mwj")),
             keeps_previews};
   }
-  void start_cloud(const std::string& journal = "") { cloud = std::make_unique<LiveCloud>(site(journal), settings); }
+  void start_cloud(const std::string& journal = "") {
+    auto started = std::make_unique<LiveCloud>(site(journal), settings);
+    const std::lock_guard lock(mutex);
+    cloud = std::move(started);
+  }
   void start_edge(const std::string& name, const std::string& journal = "") {
     auto edge =
         std::make_unique<LiveEdge>(TierId(name), site(journal), [this]() -> std::shared_ptr<transport::Channel> {
