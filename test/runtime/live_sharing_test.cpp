@@ -79,7 +79,7 @@ struct LiveSharing : LiveTeam {
     plan = make_plan(configuration, {});
     expect_live(configuration, plan);
     choose_sensors(plan, configuration, pool);
-    options.speed = 3.0;
+    options.speed = 3.0 / kSlowness;
   }
   std::uint64_t received() const {
     std::uint64_t bytes = 0;

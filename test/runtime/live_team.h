@@ -29,7 +29,12 @@ using test::Badness;
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-inline constexpr auto kPatience = 120s;  // for a machine that is busy
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr int kSlowness = 6;  // of programs under a sanitizer
+#else
+inline constexpr int kSlowness = 1;
+#endif
+inline constexpr auto kPatience = 120s * kSlowness;  // for a machine that is busy
 
 inline const SimulatedTeam& three_robots() {
   static const SimulatedTeam team(true);
