@@ -266,7 +266,7 @@ TABLES = {
     "latency": ("From a scan to previews that have it, at sensor speed", ("team", "scans that show something", "previews every", "edge, median", "p95", "longest once shown", "a robot is shown after, at most", "cloud, median", "p95", "longest once shown", "a robot is shown after, at most"), latency_cells),
     "load": ("What programs use at sensor speed", LOAD_HEADERS, load_cells),
     "cameras": ("The same of cameras", LOAD_HEADERS, load_cells),
-    "faults": ("Programs that are killed, wires that are cut: intel as 3 robots, 10 times as fast", ("what", "times", "the cloud shows what was sensed since after, median (longest)", "drive", "files", "other than undisturbed"), faults_cells),
+    "faults": ("Programs that are killed, wires that are cut: intel as 3 robots, 10 times as fast (the hour: 60 times)", ("what", "times", "the cloud shows what was sensed since after, median (longest)", "drive", "files", "other than undisturbed"), faults_cells),
     "flat": ("A long drive, 40 times as fast as sensed", ("what", "drive", "mapped in, done in", "after a quarter", "after half", "at the end", "more in an hour of it"), flat_cells),
 }
 PARTS = {"same": (same, 900), "cluster": (cluster, 900), "latency": (latency, 120), "load": (load, 60), "cameras": (cameras, 40), "faults": (faults, 900), "flat": (flat, 3600)}
