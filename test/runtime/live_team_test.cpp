@@ -146,7 +146,7 @@ void expect_newest_scans_of(const Tier& tier) {
 }
 
 TEST_F(LiveTeam, shows_previews_while_robots_drive) {
-  options.speed = 8.0;
+  options.speed = 8.0 / kSlowness;
   keeps_previews = true;
   start_cloud();
   start_edge("north");
@@ -170,7 +170,7 @@ TEST_F(LiveTeam, shows_previews_while_robots_drive) {
 }
 
 TEST_F(LiveTeam, shows_robots_own_maps_whatever_previews_there_are) {
-  options.speed = 4.0;
+  options.speed = 4.0 / kSlowness;
   options.preview_period_s = 1e6;
   keeps_previews = true;
   start_cloud();
@@ -192,7 +192,7 @@ TEST_F(LiveTeam, shows_robots_own_maps_whatever_previews_there_are) {
 }
 
 TEST_F(LiveTeam, does_what_users_ask_for_while_robots_drive) {
-  options.speed = 8.0;
+  options.speed = 8.0 / kSlowness;
   options.preview_period_s = 0.1;
   start_cloud();
   start_edge("north");
