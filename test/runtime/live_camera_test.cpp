@@ -1,5 +1,5 @@
-#include <mapweave/runtime/live_camera.h>
 #include <mapweave/runtime/live_map_server.h>
+#include <support/live_camera.h>
 #include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
@@ -21,7 +21,7 @@ test::FeatureTeam alone(double length_m) {
 }
 
 // Frames [begin, end), so far apart in time that few are dropped.
-void drive(LiveCamera& camera, const Robot& robot, std::size_t begin, std::size_t end,
+void drive(test::LiveCamera& camera, const Robot& robot, std::size_t begin, std::size_t end,
            std::chrono::milliseconds apart) {
   int dropped = camera.dropped();
   for (std::size_t i = begin; i < end; ++i) {
@@ -64,7 +64,7 @@ TEST(LiveCamera, publishes_all_and_goes_on_when_nobody_listens) {
   const Robot& robot = team.robots[0];
   for (const bool listens : {true, false}) {
     LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-    LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
+    test::LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
     if (!listens) server.finish();
     drive(camera, robot, 0, robot.count, 5ms);
     const visual::VisualClient& client = camera.finish(10s);
@@ -85,7 +85,7 @@ TEST(LiveCamera, comes_back_to_a_server_that_was_gone) {
   const Robot& robot = team.robots[0];
   auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{},
                                                LiveServerOptions{}, path);
-  LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
+  test::LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
   drive(camera, robot, 0, robot.count / 3, 15ms);
   first.reset();
   drive(camera, robot, robot.count / 3, 2 * robot.count / 3, 15ms);
@@ -109,7 +109,7 @@ TEST(LiveCamera, catches_up_through_the_shortest_queue_after_a_minute_without_a_
   ASSERT_GT(robot.count, kBefore + kMinute);
   auto first =
       std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, options, path);
-  LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
+  test::LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
   drive(camera, robot, 0, kBefore, 5ms);
   first.reset();
   drive(camera, robot, kBefore, kBefore + kMinute, 5ms);
@@ -131,7 +131,7 @@ TEST(LiveCamera, goes_on_with_another_server_that_knows_nothing) {
   const Robot& robot = team.robots[0];
   auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{},
                                                LiveServerOptions{}, std::nullopt);
-  LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
+  test::LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
   drive(camera, robot, 0, robot.count / 2, 8ms);
   EXPECT_GT(first->finish().maps().size(), 0U);
   LiveMapServer second(TierId("edge"), {}, {}, {}, std::nullopt);
@@ -148,7 +148,7 @@ TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
   const test::TemporaryFolder folder;
   auto team = alone(15.0);
   const Robot& robot = team.robots[0];
-  LiveCameraOptions small;
+  test::LiveCameraOptions small;
   small.client.memory.keyframes = 20;
   for (const bool has_journal : {true, false}) {
     const auto path = has_journal ? std::optional(folder.path() / "server.mwj") : std::nullopt;
@@ -156,7 +156,7 @@ TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
     sharing.share = tiers::Sharing::view;
     auto first =
         std::make_unique<LiveMapServer>(TierId("edge"), sharing, fusion::FusionOptions{}, LiveServerOptions{}, path);
-    LiveCamera camera(robot.place, robot.camera, 0.0, small, first->connect());
+    test::LiveCamera camera(robot.place, robot.camera, 0.0, small, first->connect());
     drive(camera, robot, 0, 2 * robot.count / 3, 8ms);
     first.reset();
     testing::internal::CaptureStderr();
@@ -184,7 +184,7 @@ TEST(LiveCamera, says_what_to_do_where_a_keyframe_is_longer_than_the_queue) {
   LiveServerOptions options;
   options.queue_kb = 64;
   LiveMapServer server(TierId("edge"), {}, {}, options, std::nullopt);
-  LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
+  test::LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
   testing::internal::CaptureStderr();
   for (std::size_t i = 0; i < robot.count; ++i) {
     visual::FeatureFrame frame = robot.shoot(i).frame;
@@ -209,9 +209,9 @@ TEST(LiveCamera, publishes_the_rest_whatever_its_wire_was) {
   auto team = alone(4.0);
   const Robot& robot = team.robots[0];
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-  LiveCameraOptions narrow;
+  test::LiveCameraOptions narrow;
   narrow.uplink.most_bytes_per_s = 2000.0;
-  LiveCamera camera(robot.place, robot.camera, 0.0, narrow, server.connect());
+  test::LiveCamera camera(robot.place, robot.camera, 0.0, narrow, server.connect());
   drive(camera, robot, 0, robot.count, 5ms);
   const visual::VisualClient& client = camera.finish(10s);
   const auto maps = server.finish().maps();

@@ -1,7 +1,7 @@
 // Cameras that do not wait and keep what the whole team maps (server.share: global), on wires to a live map server.
-#include <mapweave/runtime/live_camera.h>
 #include <mapweave/runtime/live_map_server.h>
 #include <mapweave/tiers/subjects.h>
+#include <support/live_camera.h>
 #include <support/received_updates.h>
 
 #include <gmock/gmock.h>
@@ -69,7 +69,7 @@ struct LiveTeam {
   void drive(double end = 1.0) {
     for (auto i = cameras.size(); i < team.robots.size(); ++i) {
       wires.push_back(std::make_shared<LossyWire>(server.connect(), loses));
-      LiveCameraOptions options;
+      test::LiveCameraOptions options;
       options.client = team.robots[i].options;
       cameras.emplace_back(team.robots[i].place, team.robots[i].camera, 0.0, options, wires.back());
     }
@@ -85,15 +85,15 @@ struct LiveTeam {
         cameras[i].add(std::move(shot.frame));
       }
       int dropped = 0;
-      for (const LiveCamera& camera : cameras) dropped += camera.dropped();
+      for (const test::LiveCamera& camera : cameras) dropped += camera.dropped();
       if (std::exchange(dropped_, dropped) < dropped) pause_ = std::min(pause_ + 5ms, 200ms);  // a busy machine
       std::this_thread::sleep_for(pause_);
     }
   }
   // Nobody drives any more; the server has ended, too.
   void finish() {
-    for (LiveCamera& camera : cameras) clients.push_back(&camera.finish(20s));
-    for (LiveCamera& camera : cameras) EXPECT_EQ(camera.refusal(), "");
+    for (test::LiveCamera& camera : cameras) clients.push_back(&camera.finish(20s));
+    for (test::LiveCamera& camera : cameras) EXPECT_EQ(camera.refusal(), "");
     server.finish();
   }
   tiers::VisualServer& ended() { return server.finish(); }
@@ -159,7 +159,7 @@ struct LiveTeam {
   std::size_t driven = 0;  // frames
   int loses = 0;           // shares, of each wire
   std::vector<std::shared_ptr<LossyWire>> wires;
-  std::deque<LiveCamera> cameras;
+  std::deque<test::LiveCamera> cameras;
   std::vector<visual::VisualClient*> clients;
 
  private:

@@ -5,11 +5,11 @@
 // whatever else runs live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real
 // time: dropped frames
 #include <mapweave/core/error.h>
-#include <mapweave/runtime/live_camera.h>
 #include <mapweave/runtime/live_map_server.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/tiers/subjects.h>
+#include <support/live_camera.h>
 #include <support/live_channel.h>
 #include <support/seen_frame.h>
 
@@ -329,9 +329,9 @@ nlohmann::ordered_json team(std::size_t clients, double seconds) {
   const Journal journal;
   const double before_s = process_cpu_seconds();
   LiveMapServer server(TierId("edge"), sharing(tiers::Sharing::full), {}, {}, journal.path);
-  std::deque<runtime::LiveCamera> cameras;
+  std::deque<test::LiveCamera> cameras;
   for (std::size_t i = 0; i < clients; ++i)
-    cameras.emplace_back(building.place(i), building.camera(), 0.0, runtime::LiveCameraOptions{}, server.connect());
+    cameras.emplace_back(building.place(i), building.camera(), 0.0, test::LiveCameraOptions{}, server.connect());
   const Clock::time_point begin = Clock::now();
   std::size_t count = 0;
   for (std::size_t frame = 0; frame < static_cast<std::size_t>(seconds * kFramesPerSecond); ++frame)

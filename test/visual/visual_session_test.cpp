@@ -1,5 +1,5 @@
 // What goes wrong with cameras, and what a client makes of it.
-#include <mapweave/visual/live_client.h>
+#include <support/live_client.h>
 #include <support/painted_room.h>
 
 #include <gmock/gmock.h>
@@ -175,7 +175,8 @@ TEST(LiveClient, follows_and_drops_what_comes_too_fast) {
   std::vector<Frame> frames;
   for (int i = 0; i < 20; ++i) frames.push_back(room.frame(at(i), walk(i)));
   std::atomic<int> reported{0};
-  LiveClient client(room.camera, 0.0, {}, std::nullopt, [&](VisualClient&, Stamp, const Tracked&) { ++reported; });
+  test::LiveClient client(room.camera, 0.0, {}, std::nullopt,
+                          [&](VisualClient&, Stamp, const Tracked&) { ++reported; });
   for (int round = 0; round < 2; ++round) client.add(frames[0]);  // may replace one another
   for (int i = 1; i < 20; ++i) {
     client.add(frames[static_cast<std::size_t>(i)]);
@@ -192,7 +193,7 @@ TEST(LiveClient, drops_what_waits_when_it_is_given_up) {
   std::atomic<bool> is_given_up{false};
   std::atomic<int> reported{0};
   {
-    LiveClient client(room.camera, 0.0, {}, std::nullopt, [&](VisualClient&, Stamp, const Tracked&) {
+    test::LiveClient client(room.camera, 0.0, {}, std::nullopt, [&](VisualClient&, Stamp, const Tracked&) {
       if (++reported > 1) return;
       reports.set_value();
       while (!is_given_up) std::this_thread::sleep_for(std::chrono::milliseconds(1));

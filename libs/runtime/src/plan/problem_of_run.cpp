@@ -4,6 +4,7 @@
 
 #include <mapweave/core/files.h>
 #include <mapweave/runtime/run_configuration.h>
+#include <mapweave/runtime/timeline.h>
 #include <mapweave/scheduling/json_fields.h>
 
 #include <nlohmann/json.hpp>

@@ -5,6 +5,7 @@
 #include <mapweave/core/progress.h>
 #include <mapweave/rig/fused_pose.h>
 #include <mapweave/runtime/run_configuration.h>
+#include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/robot_slam.h>
 
 #include <atomic>

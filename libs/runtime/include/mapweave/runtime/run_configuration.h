@@ -16,7 +16,7 @@
 #include <mapweave/rig/rig.h>
 #include <mapweave/runtime/live_options.h>
 #include <mapweave/runtime/sensor_kinds.h>
-#include <mapweave/runtime/timeline.h>
+#include <mapweave/runtime/tier_options.h>
 #include <mapweave/scheduling/plan.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>

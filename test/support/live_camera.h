@@ -2,9 +2,9 @@
 // A camera that does not wait, with a client of its own, on the wire to its edge's camera map server.
 
 #include <mapweave/runtime/camera_link.h>
-#include <mapweave/visual/live_client.h>
+#include <support/live_client.h>
 
-namespace mapweave::runtime {
+namespace mapweave::test {
 
 struct LiveCameraOptions {
   visual::ClientOptions client;
@@ -34,8 +34,24 @@ class LiveCamera {
   const std::string& refusal() const { return link_.refusal(); }
 
  private:
-  CameraLink link_;  // used by the tracking thread alone until that has ended
-  visual::LiveClient client_;
+  runtime::CameraLink link_;  // used by the tracking thread alone until that has ended
+  LiveClient client_;
 };
 
-}  // namespace mapweave::runtime
+inline LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double baseline_m,
+                              LiveCameraOptions options, std::shared_ptr<transport::Channel> channel)
+    : link_(std::move(place), {options.uplink, options.vocabulary.get().hash(), options.share_rate_hz},
+            std::move(channel)),
+      client_(
+          camera, baseline_m, std::move(options.client), options.vocabulary.get(),
+          [this](visual::VisualClient& client, Stamp now, const visual::Tracked&) { link_.exchange(client, now); }) {}
+
+inline visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
+  constexpr std::chrono::milliseconds kTurn{50};
+  visual::VisualClient& client = client_.finish();
+  const auto end = std::chrono::steady_clock::now() + patience;
+  while (std::chrono::steady_clock::now() < end && link_.publish_rest(client, kTurn) && !link_.is_cut()) continue;
+  return client;
+}
+
+}  // namespace mapweave::test
