@@ -39,7 +39,8 @@ Action set_up_serve(CLI::App& verb) {
   robot->add_option("--name", arguments->role.name, "which robot of the configuration it is")->type_name("NAME");
   robot->add_flag("--stdin", arguments->reads_input,
                   "map what standard input brings, a rawlog or an MCAP recording, as it comes; it is kept in the "
-                  "robot's log, which must not be there yet");
+                  "robot's log, which must not be there yet, or holds the beginning of the same drive that was not "
+                  "all sent");
   edge->add_option("--name", arguments->role.name, "which edge of the configuration it is")->type_name("NAME");
   for (CLI::App* role : {edge, cloud}) add_threads_flag(*role, arguments->role);
   cloud->add_option("-o,--out", arguments->role.flags.out, "new folder for the results")->required()->type_name("DIR");

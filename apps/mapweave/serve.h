@@ -167,8 +167,6 @@ class RoleExtension {
   virtual void end_log() {}
   // The program ends: whoever writes the log closes it; an unfinished one is gone on with.
   virtual void leave_log() {}
-  // The robot's edge has all that its log says, and nobody needs it again.
-  virtual void has_sent_log() {}
 };
 
 // Lets the extension go of a tier before that ends; to be made after it.

@@ -3,6 +3,7 @@
 #include "serve.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
 #include <mapweave/rawlog/growing_log.h>
 #include <poll.h>
 #include <unistd.h>
@@ -11,6 +12,7 @@
 #include <atomic>
 #include <cerrno>
 #include <optional>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -29,7 +31,7 @@ class InputAsLog final : public RoleExtension {
 
   void begin(const Deployment& deployment, const std::string& name, StopSignals&) override {
     for (const runtime::PlannedRobot& robot : deployment.plan.robots)
-      if (robot.id.str() == name) log_.emplace(robot.log, rawlog::GrowingLog::Begin::new_file);
+      if (robot.id.str() == name) open(robot);
     copier_ = std::thread([this] { copy(); });
   }
 
@@ -43,6 +45,21 @@ class InputAsLog final : public RoleExtension {
   void leave_log() override { stop(); }
 
  private:
+  // A recording that was not all sent is gone on with.
+  void open(const runtime::PlannedRobot& robot) {
+    using Begin = rawlog::GrowingLog::Begin;
+    const rawlog::UnsentMark unsent(robot.log);
+    std::error_code ignored;
+    const bool is_kept = unsent.is_set() && std::filesystem::exists(robot.log, ignored);
+    log_.emplace(robot.log, is_kept ? Begin::existing_file : Begin::new_file);
+    unsent.set();
+    kept_ = log_->bytes();
+    copied_ = kept_;
+    if (kept_ > 0)
+      log(LogLevel::info, "robot " + robot.id.str() + " goes on with " + robot.log.string() + ", which holds " +
+                              std::to_string(kept_) + " bytes that an earlier program kept");
+  }
+
   void stop() {
     ends_ = true;
     if (copier_.joinable()) copier_.join();
@@ -59,7 +76,9 @@ class InputAsLog final : public RoleExtension {
           throw Error(ErrorCode::kMissing, "cannot be read: " + std::generic_category().message(errno),
                       "standard input", "pipe a log into it");
         if (got == 0) break;
-        log_->add({block.data(), static_cast<std::size_t>(std::max<ssize_t>(got, 0))});
+        std::string_view news(block.data(), static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+        pass_over_kept(news);
+        log_->add(news);
         copied_ = log_->bytes();
       }
     } catch (const Error& error) {
@@ -69,7 +88,23 @@ class InputAsLog final : public RoleExtension {
     is_ended_ = true;
   }
 
+  // The input begins again with what is kept already.
+  void pass_over_kept(std::string_view& news) {
+    const std::size_t count = std::min<std::uint64_t>(kept_ - compared_, news.size());
+    std::vector<char> kept(count);
+    if (log_->read_at(compared_, kept.data(), count) != count || !std::equal(kept.begin(), kept.end(), news.begin()))
+      throw Error(ErrorCode::kBadInput,
+                  "brings another drive than the one that an earlier program kept, not all of which was sent: " +
+                      log_->path().string(),
+                  "standard input",
+                  "run the same command without --stdin: it sends the kept drive; then name another file as the "
+                  "robot's `log`");
+    compared_ += count;
+    news.remove_prefix(count);
+  }
+
   std::optional<rawlog::GrowingLog> log_;
+  std::uint64_t kept_ = 0, compared_ = 0;  // bytes of an earlier program; of these, what the input brought again
   std::thread copier_;
   std::atomic<bool> ends_{false}, is_ended_{false};
   std::atomic<std::uint64_t> copied_{0};

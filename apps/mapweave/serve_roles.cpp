@@ -14,6 +14,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
+#include <mapweave/rawlog/growing_log.h>
 #include <mapweave/runtime/deployment_keys.h>
 #include <mapweave/runtime/nats_wires.h>
 
@@ -191,7 +192,7 @@ ExitCode serve_robot(const RoleArguments& arguments, RoleExtension& extension) {
     extension.end_log();
     log(LogLevel::info, "robot " + name.str() + " ends its recording and sends the rest; again to end at once");
   }
-  extension.has_sent_log();
+  rawlog::UnsentMark(planned->log).clear();
   publisher.publish(true);
   const runtime::LiveRobotCounts counts = robot.counts();
   lines.show_end(counts);

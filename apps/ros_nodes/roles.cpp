@@ -66,10 +66,6 @@ void RobotNode::leave_log() {
   if (recorder_) recorder_->leave();
 }
 
-void RobotNode::has_sent_log() {
-  if (recorder_) recorder_->sent();
-}
-
 bool EdgeNode::look(runtime::LiveEdge& edge, const Status& status) {
   turn(status);
   if (topics_) return false;

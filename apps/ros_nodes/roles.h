@@ -44,7 +44,6 @@ class RobotNode : public NodeRole {
   bool has_log() const override { return recorder_ && recorder_->is_recording(); }
   void end_log() override;
   void leave_log() override;
-  void has_sent_log() override;
 
  private:
   std::optional<TopicRecorder> recorder_;

@@ -3,7 +3,6 @@
 #include "ros_node.h"
 
 #include <mapweave/core/error.h>
-#include <mapweave/core/files.h>
 #include <mapweave/core/log.h>
 #include <ros/serialization.h>
 
@@ -28,14 +27,14 @@ TopicRecorder::TopicRecorder(ros::NodeHandle node, const runtime::PlannedRobot& 
     : node_(std::move(node)),
       robot_(robot.id),
       log_(robot.log),
-      unsent_(std::filesystem::path(robot.log) += ".unsent"),
+      unsent_(robot.log),
       window_ns_(static_cast<std::int64_t>(configuration_of(configuration, robot).reading.reorder_window_s * 1e9)),
       robot_topics_(robot, configuration) {
   std::error_code ignored;
   if (!std::filesystem::exists(log_, ignored)) return;
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_);
   if (recorder_->is_finished()) {
-    if (!std::filesystem::exists(unsent_, ignored))
+    if (!unsent_.is_set())
       throw Error(ErrorCode::kBadInput, "is the finished recording of an earlier drive, all of which was sent",
                   log_.string(), "move it away, or name another file as the robot's `log`");
     log(LogLevel::info, "robot " + robot_.str() + " has ended its drive; what was not sent of " + log_.string() +
@@ -84,10 +83,7 @@ std::optional<std::vector<rawlog::RecordedTopic>> TopicRecorder::found_topics() 
 void TopicRecorder::begin(std::vector<rawlog::RecordedTopic> topics) {
   std::string names;
   for (const rawlog::RecordedTopic& topic : topics) names += (names.empty() ? "" : ", ") + topic.name;
-  std::error_code ignored;
-  std::filesystem::create_directories(log_.parent_path(), ignored);
-  write_file(unsent_,
-             "Not all of the recording was sent yet: the robot's node goes on with it, and removes this file.\n");
+  unsent_.set();
   recorder_ = std::make_unique<rawlog::RosRecorder>(log_, std::move(topics));
   expect_topics();
   log(LogLevel::info, "robot " + robot_.str() + " records " + names + " into " + log_.string());
@@ -193,10 +189,7 @@ void TopicRecorder::finish() {
   if (recorder_) recorder_->finish();
 }
 
-void TopicRecorder::sent() {
-  std::error_code ignored;
-  std::filesystem::remove(unsent_, ignored);
-}
+void TopicRecorder::sent() { unsent_.clear(); }
 
 void TopicRecorder::leave() {
   unsubscribe();

@@ -47,7 +47,8 @@ class TopicRecorder {
 
   ros::NodeHandle node_;
   const RobotId robot_;
-  const std::filesystem::path log_, unsent_;  // the recording; a file beside it until all of it was sent
+  const std::filesystem::path log_;
+  const rawlog::UnsentMark unsent_;
   const std::int64_t window_ns_;
   const RobotTopics robot_topics_;
 

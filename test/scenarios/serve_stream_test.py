@@ -70,18 +70,12 @@ class Streams(serve_test.WithBroker):
         self.start_deployment()
         robot = self.start_robot()
         for piece in pieces:
-            robot.stdin.write(piece)
-            robot.stdin.flush()
+            self.feed(robot, [piece])
             time.sleep(pace_s)
         error = robot.communicate(timeout=120 * support.PATIENCE)[1].decode()
         self.assertEqual(robot.returncode, support.DONE, error)
         self.assertIn("its edge has all 40 scans", error)
-        for process in self.others:
-            self.end(process)
-        self.write("file.yaml", TEAM.replace("tb0.mcap", "whole.mcap"))
-        self.mapweave("run", "file.yaml", "--out", "run")
-        for name in ("team/map.mwdb", "team/map.pgm", "robots/tb0/trajectory.tum"):
-            self.assertEqual((self.folder / "live" / name).read_bytes(), (self.folder / "run" / name).read_bytes(), name)
+        self.assert_same_map_as("whole.mcap")
 
     def test_messages_that_come_one_by_one_are_mapped_as_the_file(self):
         pieces = message_by_message(self.recorded())
@@ -92,6 +86,57 @@ class Streams(serve_test.WithBroker):
         whole = self.recorded()
         step = len(whole) // 20 + 1
         self.assert_map_of_the_file([whole[begin:begin + step] for begin in range(0, len(whole), step)], 0.1)
+
+    def feed(self, robot, pieces):
+        for piece in pieces:
+            robot.stdin.write(piece)
+            robot.stdin.flush()
+
+    def kill_in_the_middle(self, pieces):
+        """A robot that is killed once its edge has some of the first half."""
+        self.start_deployment()
+        robot = self.start_robot()
+        self.feed(robot, pieces[:len(pieces) // 2])
+        log, half = self.folder / "tb0.mcap", sum(map(len, pieces[:len(pieces) // 2]))
+        self.wait_for(lambda: log.is_file() and log.stat().st_size == half, "half of it is kept")
+        robot.kill()
+        robot.wait()
+        self.assertTrue((self.folder / "tb0.mcap.unsent").is_file())
+
+    def assert_same_map_as(self, recording):
+        for process in self.others:
+            self.end(process)
+        self.write("file.yaml", TEAM.replace("tb0.mcap", recording))
+        self.mapweave("run", "file.yaml", "--out", "run")
+        for name in ("team/map.mwdb", "team/map.pgm", "robots/tb0/trajectory.tum"):
+            self.assertEqual((self.folder / "live" / name).read_bytes(), (self.folder / "run" / name).read_bytes(), name)
+
+    def test_a_robot_that_is_killed_goes_on_with_the_same_stream(self):
+        pieces = message_by_message(self.recorded())
+        (self.folder / "whole.mcap").write_bytes(b"".join(pieces))
+        self.kill_in_the_middle(pieces)
+        other = self.start_robot()
+        self.feed(other, [b"".join(pieces[:3]) + b"another drive"])
+        error = other.communicate(timeout=60 * support.PATIENCE)[1].decode()
+        self.assertEqual(other.returncode, support.BAD_INPUT, error)
+        self.assertIn("another drive than the one that an earlier program kept", error)
+        robot = self.start_robot()
+        self.feed(robot, pieces)
+        error = robot.communicate(timeout=120 * support.PATIENCE)[1].decode()
+        self.assertEqual(robot.returncode, support.DONE, error)
+        self.assertIn("goes on with", error)
+        self.assertEqual((self.folder / "tb0.mcap").read_bytes(), b"".join(pieces))
+        self.assertFalse((self.folder / "tb0.mcap.unsent").exists())
+        self.assert_same_map_as("whole.mcap")
+
+    def test_a_robot_that_was_killed_sends_what_it_kept(self):
+        pieces = message_by_message(self.recorded())
+        self.kill_in_the_middle(pieces)
+        (self.folder / "half.mcap").write_bytes((self.folder / "tb0.mcap").read_bytes())
+        robot = self.start("serve", "robot", "team.yaml", *self.talk)
+        self.assertRegex(self.end(robot)[1], r"its edge has all \d+ scans")
+        self.assertFalse((self.folder / "tb0.mcap.unsent").exists())
+        self.assert_same_map_as("half.mcap")
 
     def test_a_bag_of_ros_1_is_not_read_while_it_is_written(self):
         start = ros1_bags.bag(ros1_bags.drive(100))[:100_000]

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
 #include <mapweave/rawlog/growing_log.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -82,6 +83,22 @@ void GrowingLog::add(std::string_view bytes) {
 
 void GrowingLog::finish() {
   if (file_ >= 0) ::close(std::exchange(file_, -1));
+}
+
+bool UnsentMark::is_set() const {
+  std::error_code ignored;
+  return std::filesystem::exists(path_, ignored);
+}
+
+void UnsentMark::set() const {
+  std::error_code ignored;
+  std::filesystem::create_directories(path_.parent_path(), ignored);
+  write_file(path_, "Not all of the recording was sent yet: the robot goes on with it, and removes this file then.\n");
+}
+
+void UnsentMark::clear() const {
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
 }
 
 }  // namespace mapweave::rawlog

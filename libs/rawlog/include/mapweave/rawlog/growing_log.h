@@ -36,4 +36,17 @@ class GrowingLog {
   std::uint64_t bytes_ = 0;
 };
 
+// A file beside a robot's recording, LOG.unsent: not all of the recording is at the robot's edge yet. A program that is
+// killed leaves it, and the next one goes on with the recording.
+class UnsentMark {
+ public:
+  explicit UnsentMark(const std::filesystem::path& log) : path_(std::filesystem::path(log) += ".unsent") {}
+  bool is_set() const;
+  void set() const;  // makes its folder; throws Error(kCannotWrite)
+  void clear() const;
+
+ private:
+  std::filesystem::path path_;
+};
+
 }  // namespace mapweave::rawlog
