@@ -95,7 +95,7 @@ struct LiveCoordinatorTest : testing::Test {
   void run(double seconds) {
     for (double until_s = now_s + seconds; now_s < until_s;) {
       now_s += 1.0;
-      for (const std::string& edge : edges) edge_says(edge);
+      for (const std::string& edge : edges) edge_says(edge, mapped_s);
       for (const std::string& robot : robots) robot_says(robot);
       coordinator->step(now_s);
     }
@@ -107,6 +107,7 @@ struct LiveCoordinatorTest : testing::Test {
   RunPlan plan;
   std::unique_ptr<LiveCoordinator> coordinator;
   std::vector<std::string> edges{"north", "south"}, robots{"alpha", "beta", "gamma", "delta"};
+  double mapped_s = 0.0;  // by each edge
   std::set<std::string> ended;
   std::optional<double> to_cloud;
   std::uint64_t scans = 100;
@@ -215,6 +216,8 @@ TEST_F(LiveCoordinatorTest, ends_when_all_robots_have_ended_where_they_are_and_t
   const LivePlan last = coordinator->plan();
   EXPECT_TRUE(last.is_final);
   EXPECT_FALSE(last.is_done);
+  EXPECT_FALSE(status()["counts"].contains("actual_seconds"));
+  const double ended_s = now_s;
   cloud_says(true, last.since - 1);  // of a deployment before
   run(1.0);
   EXPECT_FALSE(coordinator->plan().is_done);
@@ -226,10 +229,13 @@ TEST_F(LiveCoordinatorTest, ends_when_all_robots_have_ended_where_they_are_and_t
   edges = {"north", "south"};
   run(10.0);
   EXPECT_EQ(groups_of(coordinator->plan()).size(), 1u) << "now they stay";
+  mapped_s = 12.0;
+  run(1.0);
   cloud_says(true, coordinator->plan().number);
   run(1.0);
   EXPECT_TRUE(coordinator->plan().is_done);
   EXPECT_EQ(status()["state"], "done");
+  EXPECT_NEAR(status()["counts"]["actual_seconds"].get<double>(), 12.0 + now_s - ended_s, 1.5) << "mapped, and merged";
   EXPECT_FALSE(coordinator->step(now_s + 100.0));
 }
 

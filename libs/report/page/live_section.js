@@ -166,7 +166,9 @@ function planSection() {
     const [tier] = tiers();
     const rows = tier.links.filter((link) => link.role === 'edge').map((link) => [link.name, (tier.groups[link.name] ?? []).join(', ') || 'none',
       `${fixed(link.counts.speed, 2)} (${link.speed_is})`, link.bytes_per_second_is === 'configured' && link.counts.bytes_per_second >= 1e12 ? 'no bound (configured)' : `${amount(link.counts.bytes_per_second)}/s (${link.bytes_per_second_is})`]);
-    return [table(['Edge', 'Its robots', 'Speed', 'To the cloud'], rows), ...(tier.last ? [make('p', {}, `Moved last ${tier.last}.`)] : [])];
+    const { expected_seconds: expected, actual_seconds: actual } = tier.counts;
+    const took = `Mapping all and merging takes ${duration(expected)}, as expected${isNumber(actual) ? `; it took ${duration(actual)}` : ''}.`;
+    return [table(['Edge', 'Its robots', 'Speed', 'To the cloud'], rows), make('p', {}, took), ...(tier.last ? [make('p', {}, `Moved last ${tier.last}.`)] : [])];
   });
 }
 

@@ -185,13 +185,14 @@ class Usage(threading.Thread):
 class Deployment:
     """robots: {name: edge}. Everything is started by its name, in any order, and ended at the end of `with`."""
 
-    def __init__(self, folder, configuration, robots, options, watch_s=0.1, wire=None):
+    def __init__(self, folder, configuration, robots, options, watch_s=0.1, wire=None, has_coordinator=False):
         """wire: of robots to the broker, as Relay has it; None: none between them."""
         shutil.rmtree(folder / "live", ignore_errors=True)
         self.folder, self.robots, self.edges = folder / "live", robots, sorted(set(robots.values()))
         self.folder.mkdir(parents=True)
         port, monitor = free_port(), free_port()
         self.pages = {tier: free_port() for tier in (*self.edges, "cloud")}
+        self.plan = self.folder / "plans/plan.json"
         wire_port = free_port()
         self.relay = Relay(wire_port, port, **wire) if wire is not None else None
 
@@ -203,6 +204,8 @@ class Deployment:
         self.broker = Process("broker", [BROKER, "-js", "-a", "127.0.0.1", "-p", port, "-m", monitor, "-sd", self.folder / "streams"], self.folder)
         self.programs = {"cloud": serve("cloud", "cloud", "--out", self.folder / "maps"), **{edge: serve("edge", edge, "--name", edge) for edge in self.edges},
                          **{robot: serve("robot", robot, "--name", robot) for robot in robots}}
+        if has_coordinator:
+            self.programs["coordinator"] = serve("coordinator", "coordinator", "--out", self.plan.parent)
         self.all = {"broker": self.broker, **self.programs}
         self.board, self.watch, self.usage = Board(port), Watch(self.pages, watch_s), Usage(list(self.all.values()), monitor)
         self.began = None
@@ -217,6 +220,8 @@ class Deployment:
         self.wait_for(lambda: len(self.watch.last) == len(self.pages), 60, "not all pages are there")
         for robot in self.robots:
             self.programs[robot].start()
+        if "coordinator" in self.programs:
+            self.programs["coordinator"].start()
         self.began = time.time()
         return self
 

@@ -29,6 +29,19 @@ class Team:
     def deployment(self, watch_s=0.25, wire=None, **options):
         return live.Deployment(self.folder, self.configuration, self.edges, options, watch_s, wire)
 
+    def coordinated(self, coordinator, **options):
+        """A deployment whose coordinator may give robots to other edges."""
+        configuration = self.folder / "coordinated.yaml"
+        names = ", ".join(f"{{id: {name}}}" for name in sorted(set(self.edges.values())))
+        configuration.write_text(self.configuration.read_text() + f"edges: [{names}]\ncoordinator: {json.dumps(coordinator)}\n")
+        return live.Deployment(self.folder, configuration, self.edges, options, has_coordinator=True)
+
+    def outputs_with(self, edges):
+        """Of a run whose robots have these edges from the beginning."""
+        configuration = write_configuration(self.folder, {robot: f"{robot}.clf.gz" for robot in self.cuts}, edges, name="as_planned.yaml")
+        common.mapweave("run", configuration, "--out", self.folder / "as_planned", "--force")
+        return outputs(self.folder / "as_planned")
+
     @staticmethod
     def trajectory(maps, robot):
         return maps / "robots" / robot / "trajectory.tum"
@@ -40,8 +53,8 @@ class Team:
         return outputs(folder)
 
 
-def write_configuration(folder, logs, edges, sensor="laser", output="{report: false}"):
-    path = folder / "run.yaml"
+def write_configuration(folder, logs, edges, sensor="laser", output="{report: false}", name="run.yaml"):
+    path = folder / name
     lines = [f"  - {{id: {robot}, log: {json.dumps(str(folder / log))}, edge: {edges[robot]}}}\n" for robot, log in logs.items()]
     path.write_text(f"sensor: {sensor}\noutput: {output}\nrobots:\n" + "".join(lines))
     return path
@@ -54,7 +67,10 @@ def outputs(folder):
 
 def other_than(maps, team):
     """What is not as `run` leaves it."""
-    one, other = outputs(maps), team.outputs_of_run()
+    return different(outputs(maps), team.outputs_of_run())
+
+
+def different(one, other):
     return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
 
 

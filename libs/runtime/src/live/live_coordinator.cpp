@@ -69,7 +69,7 @@ struct LiveCoordinator::State {
   std::optional<std::uint64_t> done_plan;  // by which the cloud, of whatever deployment, wrote the team's map
   LivePlan plan;
   double planned_s = 0.0, next_s = 0.0;
-  std::optional<double> began_s;
+  std::optional<double> began_s, ended_s, actual_s;  // ended_s: all robots; actual_s: LiveCoordinatorCounts::actual_s
   bool is_urgent = false;
   std::deque<tiers::CoordinatorDecision> decisions;  // that moved robots
   std::optional<tiers::CoordinatorDecision> last;
@@ -90,6 +90,7 @@ struct LiveCoordinator::State {
   void take(tiers::CoordinatorDecision decision, double now_s);
   bool has_ended(const RobotId& robot) const;
   bool have_all_ended() const;
+  double longest_mapping_s() const;
   std::size_t edges_there() const {
     return static_cast<std::size_t>(
         std::count_if(edges.begin(), edges.end(), [](const auto& edge) { return edge.second.is_there; }));
@@ -254,12 +255,21 @@ bool LiveCoordinator::State::have_all_ended() const {
   return std::all_of(robots.begin(), robots.end(), [this](const auto& robot) { return has_ended(robot.first); });
 }
 
+// Of the edges that map for good.
+double LiveCoordinator::State::longest_mapping_s() const {
+  double longest_s = 0.0;
+  for (const auto& [name, edge] : edges)
+    if (edge.is_there && !plan.members(name).empty()) longest_s = std::max(longest_s, edge.speaker.word.mapping_s);
+  return longest_s;
+}
+
 bool LiveCoordinator::State::step(double now_s) {
   const std::uint64_t before = plan.number;
   if (plan.is_done) return false;
   if (plan.since > 0 && done_plan.value_or(0) >= plan.since) {
     plan.is_done = true;
     ++plan.number;
+    if (ended_s) actual_s = longest_mapping_s() + now_s - *ended_s;
     return true;
   }
   notice_edges(now_s);
@@ -275,6 +285,7 @@ bool LiveCoordinator::State::step(double now_s) {
     plan.is_final = true;
     ++plan.number;
     planned_s = now_s;
+    ended_s = now_s;
   }
   return plan.number != before;
 }
@@ -356,6 +367,7 @@ LiveCoordinatorCounts LiveCoordinator::counts(double now_s) const {
   counts.unreadable = state.unreadable;
   counts.cloud_silent_s = state.cloud.silent_s(now_s);
   if (state.last) counts.expected_s = state.last->expected_s;
+  counts.actual_s = state.actual_s;
   if (!state.decisions.empty()) counts.last = in_words(state.decisions.back(), "nowhere: no edge has room");
   for (const auto& [name, edge] : state.edges) {
     const Expected speed = state.measures.speed(name), bytes = state.measures.wire_to_cloud(name);
@@ -416,6 +428,7 @@ nlohmann::ordered_json LiveCoordinator::report() const {
           {"done", state.plan.is_done},
           {"method", coordination_method(state.configuration)},
           {"expected_seconds", state.last ? Json(state.last->expected_s) : Json()},
+          {"actual_seconds", state.actual_s ? Json(*state.actual_s) : Json()},
           {"edges", std::move(edges)},
           {"wires", std::move(wires)},
           {"overlaps", std::move(overlaps)},

@@ -311,6 +311,7 @@ Json tier_status(const LiveCoordinatorCounts& counts, const StatusTerms& terms) 
                       {"moves", counts.moves},
                       {"unreadable", counts.unreadable},
                       {"expected_seconds", counts.expected_s}};
+  if (counts.actual_s) status["counts"]["actual_seconds"] = *counts.actual_s;
   add_plan(status, counts.plan.number);
   status["groups"] = Json::object();
   for (const LiveCoordinatorCounts::EdgeCounts& edge : counts.edges) {

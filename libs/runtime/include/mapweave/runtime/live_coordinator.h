@@ -37,8 +37,10 @@ struct LiveCoordinatorCounts {
   double plan_age_s = 0.0;
   std::uint64_t decisions = 0, moves = 0, unreadable = 0;
   std::optional<double> cloud_silent_s;
-  double expected_s = 0.0;  // time until the team's map would be complete, by the last decision
-  std::string last;         // the last decision in words; empty: none yet
+  // Time from the last sensed scan to the team's map, were nothing mapped before: by the last decision, and as it was.
+  double expected_s = 0.0;
+  std::optional<double> actual_s;  // none before the map is written, and where nobody saw the last robot end
+  std::string last;                // the last decision in words; empty: none yet
 };
 
 // All calls are thread-safe. Times are the caller's, in seconds, and never run backwards; time in which nothing could
@@ -67,8 +69,8 @@ class LiveCoordinator {
 
   LivePlan plan() const;  // number 0: no robot has come yet
   LiveCoordinatorCounts counts(double now_s) const;
-  // {plan, since, final, done, method, expected_seconds, edges, wires, overlaps, decisions}: of wires and edges what is
-  // known and whence; the decisions that moved robots, kMostDecisions at most, and the last one.
+  // {plan, since, final, done, method, expected_seconds, actual_seconds, edges, wires, overlaps, decisions}: of wires
+  // and edges what is known and whence; the decisions that moved robots, kMostDecisions at most, and the last one.
   nlohmann::ordered_json report() const;
   static constexpr std::size_t kMostDecisions = 200;
 
