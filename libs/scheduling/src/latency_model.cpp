@@ -206,23 +206,28 @@ double Latency::edge_seconds(const std::vector<std::uint32_t>& robots, std::uint
 
 LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robots_at) const {
   LatencyTerms terms;
-  FusedScans fused;
+  std::vector<double> scans_at;
   for (std::uint32_t edge = 0; edge < robots_at.size(); ++edge) {
     terms.edges.push_back(edge_terms(robots_at[edge], edge));
-    double of_edge = 0.0;
+    double& of_edge = scans_at.emplace_back();
     for (const std::uint32_t robot : robots_at[edge]) of_edge += scans(robot);
-    fused.add(of_edge);
   }
+  terms.fusion_s = cloud_seconds(scans_at);
+  return terms;
+}
+
+double Latency::cloud_seconds(const std::vector<double>& scans_at) const {
+  FusedScans fused;
   double used = 0.0, slowest = std::numeric_limits<double>::infinity();
-  for (std::uint32_t edge = 0; edge < robots_at.size(); ++edge) {
-    if (robots_at[edge].empty()) continue;
+  for (std::uint32_t edge = 0; edge < scans_at.size(); ++edge) {
+    fused.add(scans_at[edge]);
+    if (scans_at[edge] == 0.0) continue;
     used += 1.0;
     slowest = std::min(slowest, problem_.edges[edge].speed);
   }
   if (problem_.cloud.edges_judge && used > 0.0) fused.share_out(used * slowest / problem_.cloud.speed);
   fused.shared = all_shared_;
-  terms.fusion_s = model_.cloud_fusion.seconds(fused) / problem_.cloud.speed;
-  return terms;
+  return model_.cloud_fusion.seconds(fused) / problem_.cloud.speed;
 }
 
 double LatencyTerms::EdgeTerms::computing_seconds() const {

@@ -115,6 +115,8 @@ class Latency {
   double computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;  // eq. 2 alone
   // Eq. 3. `robots_at`: by edge, ascending; a robot may be at several.
   LatencyTerms terms(const std::vector<std::vector<std::uint32_t>>& robots_at) const;
+  // Of the cloud, with what edges judge for it; by edge, the scans of its robots' maps, 0 where it has none.
+  double cloud_seconds(const std::vector<double>& scans_at) const;
   double total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const {
     return terms(robots_at).total_seconds();
   }

@@ -22,6 +22,8 @@ struct PlanOptions {
   std::uint32_t edges_per_robot = 1;
 };
 
+// Methods default and exact make groups that are less equal than group_sizes() where edges differ in speed and that
+// saves more than a twentieth of the time; an edge may stay without robots.
 struct Plan {
   Groups groups;                                              // members ascending, by first member; none is empty
   std::vector<std::uint32_t> edge_of;                         // by robot
