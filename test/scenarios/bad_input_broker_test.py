@@ -54,7 +54,8 @@ class Stranger:
         self.socket.close()
 
 
-class Broker(serve_test.WithBroker):
+class OfTwoRobots(serve_test.WithBroker):
+    """What tests of a deployment with one edge share."""
     speed = 2
 
     def begin(self, broker):
@@ -73,6 +74,8 @@ class Broker(serve_test.WithBroker):
             self.end(program)
         self.assert_same_map("live", "run")
 
+
+class Broker(OfTwoRobots):
     def test_bytes_of_strangers_and_halves_of_messages_change_nothing(self):
         broker = self.start_broker()
         programs = self.begin(broker)

@@ -98,7 +98,6 @@ std::uint64_t LiveCloud::State::greet(Link& link, const Hello& hello) {
   const SessionId& session = hello.session;
   const auto found = edges.find(TierId(session.client.robot.str()));
   if (found == edges.end() || session.client.sensor != SensorId(kEdge)) {
-    ++counts.refused;
     std::string names;
     for (const auto& entry : edges) names += (names.empty() ? "" : ", ") + entry.first.str();
     throw Error(ErrorCode::kBadInput, "'" + session.client.robot.str() + "' is no edge of this configuration", {},
@@ -167,12 +166,9 @@ void LiveCloud::State::step(Clock::time_point now) {
       link.edge->has_all = link.wire->is_all_confirmed() && link.asked == link.edge->requests.size();
     if (!link.is_closed) continue;
     link.wire->close();
-    counts.unreadable += link.wire->counts().unreadable;
-    counts.again += link.wire->counts().again;
+    add_counts(link.wire->counts(), counts);
   }
   links.remove_if([](const Link& link) { return link.is_closed; });
-  const std::string saving = saver->trouble();
-  if (!saving.empty()) counts.trouble = saving;
 }
 
 bool LiveCloud::State::is_needed(const TierId& edge) const {
@@ -281,10 +277,8 @@ LiveCloudCounts LiveCloud::counts() const {
   const std::lock_guard lock(state.mutex);
   LiveCloudCounts counts = state.counts;
   counts.plan = state.newest_plan.number;
-  for (const State::Link& link : state.links) {
-    counts.unreadable += link.wire->counts().unreadable;
-    counts.again += link.wire->counts().again;
-  }
+  for (const State::Link& link : state.links) add_counts(link.wire->counts(), counts);
+  if (counts.trouble.empty()) counts.trouble = state.saver->trouble();
   for (const auto& [name, edge] : state.edges) {
     LiveCloudCounts::EdgeCounts& one = counts.edges.emplace_back();
     one = {name,

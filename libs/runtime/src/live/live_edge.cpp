@@ -116,6 +116,7 @@ void LiveEdge::State::replay() {
     const std::lock_guard lock(mutex);
     counts.trouble = error.what();
   }
+  const std::lock_guard lock(mutex);
   saver.emplace(std::move(journal), JournalSaver::kNeverLong, [] {});
 }
 
@@ -128,42 +129,37 @@ void LiveEdge::State::keep(Robot& robot, Sensed sensed, std::size_t bytes) {
 }
 
 std::uint64_t LiveEdge::State::greet(Link& link, const Hello& hello) {
-  try {
-    const SessionId& session = hello.session;
-    const auto known = robots.find(session.client.robot);
-    if (known == robots.end()) {
-      std::string names;
-      for (const auto& entry : robots) names += (names.empty() ? "" : ", ") + entry.first.str();
-      throw Error(ErrorCode::kBadInput, "'" + session.client.robot.str() + "' is no robot of edge '" + edge.str() + "'",
-                  {}, "its robots are: " + names);
-    }
-    if (!counts.trouble.empty()) throw Error(ErrorCode::kCannotWrite, counts.trouble);
-    Robot& robot = known->second;
-    if (robot.session && *robot.session != session)
-      throw Error(ErrorCode::kBadInput,
-                  "robot '" + session.client.robot.str() + "' is here already, as " + to_string(*robot.session) +
-                      "; this one is " + to_string(session),
-                  {}, "give one of the two another name, or begin a new deployment for a new recording");
-    for (Link& other : links)
-      if (&other != &link && other.robot == &robot && !other.is_closed && other.wire->is_open()) {
-        log(LogLevel::warning, "edge " + edge.str() + ": robot " + session.client.robot.str() +
-                                   " came on another wire; the one before is closed");
-        other.is_closed = true;
-      }
-    if (link.robot != &robot) {  // a wire may say hello again
-      const auto now = Clock::now();
-      const bool is_soon =
-          std::chrono::duration<double>(now - std::exchange(robot.begun_at, now)).count() < options.patience_s;
-      robot.begun_soon = is_soon ? robot.begun_soon + 1 : 0;
-      ++robot.begun;
-    }
-    robot.session = session;
-    link.robot = &robot;
-    return robot.stored;
-  } catch (const Error&) {
-    ++counts.refused;
-    throw;
+  const SessionId& session = hello.session;
+  const auto known = robots.find(session.client.robot);
+  if (known == robots.end()) {
+    std::string names;
+    for (const auto& entry : robots) names += (names.empty() ? "" : ", ") + entry.first.str();
+    throw Error(ErrorCode::kBadInput, "'" + session.client.robot.str() + "' is no robot of edge '" + edge.str() + "'",
+                {}, "its robots are: " + names);
   }
+  if (!counts.trouble.empty()) throw Error(ErrorCode::kCannotWrite, counts.trouble);
+  Robot& robot = known->second;
+  if (robot.session && *robot.session != session)
+    throw Error(ErrorCode::kBadInput,
+                "robot '" + session.client.robot.str() + "' is here already, as " + to_string(*robot.session) +
+                    "; this one is " + to_string(session),
+                {}, "give one of the two another name, or begin a new deployment for a new recording");
+  for (Link& other : links)
+    if (&other != &link && other.robot == &robot && !other.is_closed && other.wire->is_open()) {
+      log(LogLevel::warning, "edge " + edge.str() + ": robot " + session.client.robot.str() +
+                                 " came on another wire; the one before is closed");
+      other.is_closed = true;
+    }
+  if (link.robot != &robot) {  // a wire may say hello again
+    const auto now = Clock::now();
+    const bool is_soon =
+        std::chrono::duration<double>(now - std::exchange(robot.begun_at, now)).count() < options.patience_s;
+    robot.begun_soon = is_soon ? robot.begun_soon + 1 : 0;
+    ++robot.begun;
+  }
+  robot.session = session;
+  link.robot = &robot;
+  return robot.stored;
 }
 
 void LiveEdge::State::take(Link& link, const Said& said) {
@@ -200,14 +196,9 @@ void LiveEdge::State::step(Clock::time_point now) {
   for (Link& link : links) {
     if (!link.is_closed) continue;
     link.wire->close();
-    counts.unreadable += link.wire->counts().unreadable;
-    counts.again += link.wire->counts().again;
+    add_counts(link.wire->counts(), counts);
   }
   links.remove_if([](const Link& link) { return link.is_closed; });
-  if (saver) {
-    const std::string trouble = saver->trouble();
-    if (!trouble.empty()) counts.trouble = trouble;
-  }
 }
 
 void LiveEdge::State::step_cloud(std::unique_lock<std::mutex>& lock, Clock::time_point now) {
@@ -375,10 +366,8 @@ LiveEdgeCounts LiveEdge::counts() const {
   counts.waiting_bytes = state.cloud->waiting_bytes();
   counts.is_cloud_on_wire = state.cloud->is_open() && state.cloud->is_welcome();
   if (state.cloud->other()) counts.cloud_silent_s = state.cloud->silent_s(Clock::now());
-  for (const State::Link& link : state.links) {
-    counts.unreadable += link.wire->counts().unreadable;
-    counts.again += link.wire->counts().again;
-  }
+  for (const State::Link& link : state.links) add_counts(link.wire->counts(), counts);
+  if (counts.trouble.empty() && state.saver) counts.trouble = state.saver->trouble();
   for (const auto& [name, robot] : state.robots) {
     if (!robot.is_member && !robot.session) continue;
     LiveEdgeCounts::RobotCounts& one = counts.robots.emplace_back();

@@ -119,7 +119,6 @@ void NumberedWire::receive(transport::Envelope message, Clock::time_point now) {
     } else if (message.subject == kWelcome || message.subject == kReceipts) {
       take_receipts(decode_receipts(message.bytes, peer_), message.subject == kWelcome, now);
     } else if (message.subject == kRefusal) {
-      ++counts_.refused;
       const std::string why = decode_refusal(message.bytes, peer_).why.what();
       if (refusal_ != why) log(LogLevel::warning, peer_ + " refuses: " + why);
       refusal_ = why;

@@ -34,8 +34,16 @@ struct Said {
 struct WireCounts {
   std::uint64_t sent = 0, sent_bytes = 0;     // messages, repetitions too
   std::uint64_t taken = 0, again = 0;         // in order; that had come before
-  std::uint64_t refused = 0, unreadable = 0;  // what the other end does not take; what cannot be decoded
+  std::uint64_t refused = 0, unreadable = 0;  // the other end's hellos that were refused here; what cannot be decoded
 };
+
+// To those of a program with many wires.
+template <class Counts>
+void add_counts(const WireCounts& wire, Counts& counts) {
+  counts.refused += wire.refused;
+  counts.unreadable += wire.unreadable;
+  counts.again += wire.again;
+}
 
 // What its owner does. All are called within step().
 struct WireHooks {
