@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 namespace mapweave::tiers {
 namespace {
 
@@ -103,10 +105,27 @@ TEST(Coordinator, decides_anew_where_an_edge_changes) {
   };
   north.bytes_per_s = 1e5;
   change("bandwidth 1e+06 -> 100000 bytes/s");
-  north.speed = 0.1;
-  change("speed 1 -> 0.1");
   north.delay_s = 9.0;
   change("delay default -> 9 s");
+}
+
+TEST(Coordinator, takes_robots_from_an_edge_that_became_slow) {
+  Coordinator coordinator = two_corridors();
+  const auto before = coordinator.decide(0.0);
+  ASSERT_TRUE(before);
+  EdgeIs north = edge("north");
+  north.speed = 0.1;
+  coordinator.receive(north);
+  const auto decision = coordinator.decide(1.0);
+  ASSERT_TRUE(decision);
+  EXPECT_THAT(decision->because, ElementsAre("edge north changed: speed 1 -> 0.1"));
+  const auto on_north = [](const CoordinatorDecision& of) {
+    return std::count_if(of.edge_of.begin(), of.edge_of.end(),
+                         [](const auto& placed) { return placed.second == TierId("north"); });
+  };
+  EXPECT_GT(on_north(*before), on_north(*decision));
+  EXPECT_LT(decision->expected_s, decision->staying_s);
+  EXPECT_GT(decision->staying_s, before->expected_s);
 }
 
 TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
