@@ -15,6 +15,8 @@ LITTLE = 4096   # bytes, of which no journal keeps a scan
 
 
 class Programs(bad_input_broker_test.OfTwoRobots):
+    speed = 4
+
     def setUp(self):
         super().setUp()
         self.broker = self.start_broker()
