@@ -1,6 +1,7 @@
 #include <mapweave/runtime/live_map_server.h>
 #include <support/live_camera.h>
 #include <support/received_updates.h>
+#include <support/slowness.h>
 #include <support/temporary_folder.h>
 
 #include <gmock/gmock.h>
@@ -27,7 +28,8 @@ void drive(test::LiveCamera& camera, const Robot& robot, std::size_t begin, std:
   for (std::size_t i = begin; i < end; ++i) {
     camera.add(robot.shoot(i).frame);
     const int now = camera.dropped();
-    if (std::exchange(dropped, now) < now) apart = std::min(apart + 5ms, 200ms);  // a busy machine
+    if (std::exchange(dropped, now) < now)
+      apart = std::min(apart + 5ms * test::kSlowness, 200ms * test::kSlowness);  // a busy machine
     std::this_thread::sleep_for(apart);
   }
 }
@@ -67,7 +69,7 @@ TEST(LiveCamera, publishes_all_and_goes_on_when_nobody_listens) {
     test::LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
     if (!listens) server.finish();
     drive(camera, robot, 0, robot.count, 5ms);
-    const visual::VisualClient& client = camera.finish(10s);
+    const visual::VisualClient& client = camera.finish(10s * test::kSlowness);
     EXPECT_GT(client.keyframes().size(), 2U);
     EXPECT_EQ(camera.refusal(), "");
     EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
@@ -92,7 +94,7 @@ TEST(LiveCamera, comes_back_to_a_server_that_was_gone) {
   LiveMapServer second(TierId("edge"), {}, {}, {}, path);
   camera.reconnect(second.connect());
   drive(camera, robot, 2 * robot.count / 3, robot.count, 15ms);
-  const visual::VisualClient& client = camera.finish(20s);
+  const visual::VisualClient& client = camera.finish(20s * test::kSlowness);
   EXPECT_EQ(camera.refusal(), "");
   EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
   expect_agreement(second.finish().maps(), client, robot);
@@ -115,7 +117,7 @@ TEST(LiveCamera, catches_up_through_the_shortest_queue_after_a_minute_without_a_
   drive(camera, robot, kBefore, kBefore + kMinute, 5ms);
   LiveMapServer second(TierId("edge"), {}, {}, options, path);
   camera.reconnect(second.connect());
-  const visual::VisualClient& client = camera.finish(60s);
+  const visual::VisualClient& client = camera.finish(60s * test::kSlowness);
   EXPECT_EQ(camera.refusal(), "");
   EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
   expect_agreement(second.finish().maps(), client, robot);
@@ -137,7 +139,7 @@ TEST(LiveCamera, goes_on_with_another_server_that_knows_nothing) {
   LiveMapServer second(TierId("edge"), {}, {}, {}, std::nullopt);
   camera.reconnect(second.connect());
   drive(camera, robot, robot.count / 2, robot.count, 8ms);
-  const visual::VisualClient& client = camera.finish(20s);
+  const visual::VisualClient& client = camera.finish(20s * test::kSlowness);
   EXPECT_EQ(camera.refusal(), "");
   EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
   expect_agreement(second.finish().maps(), client, robot);
@@ -163,7 +165,7 @@ TEST(LiveCamera, says_what_went_with_the_server_that_kept_it) {
     LiveMapServer second(TierId("edge"), sharing, {}, {}, path);
     camera.reconnect(second.connect());
     drive(camera, robot, 2 * robot.count / 3, robot.count, 8ms);
-    const visual::VisualClient& client = camera.finish(20s);
+    const visual::VisualClient& client = camera.finish(20s * test::kSlowness);
     const std::string log = testing::internal::GetCapturedStderr();
     ASSERT_GT(client.forgotten(), 5U);
     std::size_t kept = 0;
@@ -213,7 +215,7 @@ TEST(LiveCamera, publishes_the_rest_whatever_its_wire_was) {
   narrow.uplink.most_bytes_per_s = 2000.0;
   test::LiveCamera camera(robot.place, robot.camera, 0.0, narrow, server.connect());
   drive(camera, robot, 0, robot.count, 5ms);
-  const visual::VisualClient& client = camera.finish(10s);
+  const visual::VisualClient& client = camera.finish(10s * test::kSlowness);
   const auto maps = server.finish().maps();
   ASSERT_EQ(maps.size(), 1U);
   EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());

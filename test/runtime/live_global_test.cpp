@@ -3,6 +3,7 @@
 #include <mapweave/tiers/subjects.h>
 #include <support/live_camera.h>
 #include <support/received_updates.h>
+#include <support/slowness.h>
 
 #include <gmock/gmock.h>
 #include <deque>
@@ -86,13 +87,14 @@ struct LiveTeam {
       }
       int dropped = 0;
       for (const test::LiveCamera& camera : cameras) dropped += camera.dropped();
-      if (std::exchange(dropped_, dropped) < dropped) pause_ = std::min(pause_ + 5ms, 200ms);  // a busy machine
+      if (std::exchange(dropped_, dropped) < dropped)
+        pause_ = std::min(pause_ + 5ms * test::kSlowness, 200ms * test::kSlowness);  // a busy machine
       std::this_thread::sleep_for(pause_);
     }
   }
   // Nobody drives any more; the server has ended, too.
   void finish() {
-    for (test::LiveCamera& camera : cameras) clients.push_back(&camera.finish(20s));
+    for (test::LiveCamera& camera : cameras) clients.push_back(&camera.finish(20s * test::kSlowness));
     for (test::LiveCamera& camera : cameras) EXPECT_EQ(camera.refusal(), "");
     server.finish();
   }
@@ -164,11 +166,7 @@ struct LiveTeam {
 
  private:
   int dropped_ = 0;
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  std::chrono::milliseconds pause_ = 100ms;  // the server keeps up with cameras, as it does without the sanitizer
-#else
-  std::chrono::milliseconds pause_ = 10ms;
-#endif
+  std::chrono::milliseconds pause_ = 15ms * test::kSlowness;  // the server keeps up with cameras
 };
 
 simulation::WorldOptions two_robots(double length_m) {

@@ -10,6 +10,7 @@
 #include <mapweave/runtime/sensor_choice.h>
 #include <mapweave/transport/in_process_channel.h>
 #include <support/bad_channel.h>
+#include <support/slowness.h>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -26,14 +27,10 @@ namespace mapweave::runtime::test_support {
 using nlohmann::json;
 using test::BadChannel;
 using test::Badness;
+using test::kSlowness;
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr int kSlowness = 6;  // of programs under a sanitizer
-#else
-inline constexpr int kSlowness = 1;
-#endif
 inline constexpr auto kPatience = 120s * kSlowness;  // for a machine that is busy
 
 inline const SimulatedTeam& three_robots() {
