@@ -85,8 +85,9 @@ class Programs(bad_input_broker_test.OfTwoRobots):
         for number in range(2000):   # 128 MB
             flood.publish(subject, number.to_bytes(8, "little") * 8192)
         self.wait_for(lambda: "parts that came are no messages" in serve_test.findings(self.port), "the edge's page tells of them")
-        held = pathlib.Path(f"/proc/{programs['north'].pid}/status").read_text().split("VmHWM:")[1].split()[0]
-        self.assertLess(int(held), 300_000, "kB")
+        if not support.is_sanitized():   # sanitizers keep what was freed
+            held = pathlib.Path(f"/proc/{programs['north'].pid}/status").read_text().split("VmHWM:")[1].split()[0]
+            self.assertLess(int(held), 300_000, "kB")
         self.end_all(programs)
 
     def test_an_edge_whose_store_is_full_goes_on_once_there_is_room(self):

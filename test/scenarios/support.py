@@ -34,6 +34,11 @@ def environment():
     return kept
 
 
+def is_sanitized():
+    """Whether the program was built with a sanitizer."""
+    return any(name in pathlib.Path(PROGRAM).read_bytes() for name in (b"__asan_init", b"__tsan_init"))
+
+
 class Scenario(unittest.TestCase):
     """A test with a folder of its own, removed at its end."""
 
