@@ -1,9 +1,9 @@
-// What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand
-// over features. live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they publish, as they publish it alone,
-// with its times live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
-// live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what merging them costs,
-// whatever else runs live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real
-// time: dropped frames
+// What the live camera map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras
+// hand over features.
+//   live_server_benchmark record FILE [CLIENTS [SECONDS]]   what each publishes alone, with its times
+//   live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: what the server costs
+//   live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what merging costs
+//   live_server_benchmark team [CLIENTS [SECONDS]]          whole clients in real time: dropped frames
 #include <mapweave/core/error.h>
 #include <mapweave/runtime/live_map_server.h>
 #include <mapweave/runtime/metrics.h>

@@ -1,8 +1,8 @@
 // How groupings compare on random graphs: cut weight and processor time.
 //   grouping_benchmark exact [GRAPHS]         the default against the least cut there is, 4 to 16 robots
 //   grouping_benchmark compare [MOST_ROBOTS]  the default against METIS, greedy and recslam
-//   grouping_benchmark worse [SEEDS]          how often, and by how much, another of them is better on graphs of 10 to
-//   64 robots grouping_benchmark time                   milliseconds of the default on one core
+//   grouping_benchmark worse [SEEDS]          how often, and by how much, another one is better; 10 to 64 robots
+//   grouping_benchmark time                   milliseconds of the default on one core
 // Prints JSON.
 #include <mapweave/scheduling/grouping.h>
 

@@ -1,16 +1,15 @@
 // Teams of cameras that hand over features, with their map server: is one map made of them, how good is it, and what
-// goes over the wire. team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, forgetting-300, cut-2,
-// another-day, repeated-rooms-SEEDS. Prints one JSON object each.
+// goes over the wire. One JSON object for each scenario.
+//   team_benchmark SCENARIO...
 //   apartment-N       N robots in an apartment of seven rooms, 60 m each; every one shares rooms with the next
 //   single-camera     alpha's depth camera maps three rooms; then a single camera comes and asks where it is
-//   forgetting-ROOM   a robot that drives 600 m, whose camera has room for so many keyframes and culls none; beside it
-//   what the server keeps. forgetting-ROOM@METRES: so far
-//   cut-N             one robot's drive around a corridor that closes on itself, cut for N clients that begin together
-//   (CORB-SLAM); cut-N@METRES: a drive of so many metres
+//   forgetting-ROOM   a robot that drives 600 m, or METRES (forgetting-ROOM@METRES): its camera has room for so many
+//                     keyframes and culls none; beside it what the server keeps
+//   cut-N             one robot's drive around a corridor that closes on itself, or of METRES (cut-N@METRES), cut for
+//                     N clients that begin together (CORB-SLAM)
 //   another-day       a robot comes back a day later, half of the furniture elsewhere
-//   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds.
-//   repeated-rooms-N@S: from seed
-//   S
+//   repeated-rooms-N  two robots in other rooms each, which are alike down to the pictures; N seeds, from seed S
+//                     (repeated-rooms-N@S)
 
 #include <support/feature_team.h>
 

@@ -3,9 +3,9 @@
 // stands in a `Space`:
 //   Pose, Edge        with numbers of poses `from` and `to`, the measured pose `from_from_to`, and `information`
 //   kSize             numbers that a small motion of a pose has
-//   kFirstDamping            share of the diagonal that is added first
+//   kFirstDamping     share of the diagonal that is added first
 //   Error, Matrix     vector of kSize, square
-//   error_of(edge, from, to)                        what is left of the edge
+//   error_of(edge, from, to)                          what is left of the edge
 //   linearise(edge, from, to, error, by_from, by_to)  the same, and how it changes with small motions of both
 //   moved(pose, motion)
 

@@ -4,10 +4,11 @@
 // and C that of fusion there:
 //
 //   minimise  T + C
-//   (classes)   sum_e x_ce = robots of class c                            robots with the same links and scans are a
-//   class (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1 (mean)
-//   sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e least s_e^2 / (B b_e) (edges)     T >= fastest_e y_e +
-//   fusion_e + delay y_e + smallest y_e^2 / (B b_e) (fullest)   T >= what the fullest edge takes, were it the fastest
+//   (classes)   sum_e x_ce = robots of class c, who have the same links and scans
+//   (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1
+//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e least s_e^2 / (B b_e)
+//   (edges)     T >= fastest_e y_e + fusion_e + delay y_e + smallest y_e^2 / (B b_e)
+//   (fullest)   T >= what the fullest edge takes, were it the fastest
 //   (cloud)     C >= what sum y edges have to share where all but one hold one of the smallest robots
 //               C >= what edges that hold at most M have to share, were all used: sum of s_e^2 <= M sum of s_e
 //   (bytes)     T >= the first edge's readiness + the bytes of all maps / B;  T >= what the slowest robot takes alone
