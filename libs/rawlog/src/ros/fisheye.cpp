@@ -47,12 +47,13 @@ void FisheyeLens::rectify(mrpt::img::CImage& image) {
   if (image.getWidth() != camera_.ncols || image.getHeight() != camera_.nrows) return;
   if (!maps_) {
     cv::Mat places(static_cast<int>(camera_.nrows), static_cast<int>(camera_.ncols), CV_32FC2);
-    places.forEach<cv::Vec2f>([this](cv::Vec2f& place, const int* at) {
-      const double x = (at[1] - camera_.cx()) / camera_.fx(), y = (at[0] - camera_.cy()) / camera_.fy();
-      const double radius = std::hypot(x, y), scale = radius > 0.0 ? bent(std::atan(radius), k_) / radius : 1.0;
-      place = cv::Vec2f(static_cast<float>(camera_.fx() * x * scale + camera_.cx()),
-                        static_cast<float>(camera_.fy() * y * scale + camera_.cy()));
-    });
+    for (int v = 0; v < places.rows; ++v)
+      for (int u = 0; u < places.cols; ++u) {
+        const double x = (u - camera_.cx()) / camera_.fx(), y = (v - camera_.cy()) / camera_.fy();
+        const double radius = std::hypot(x, y), scale = radius > 0.0 ? bent(std::atan(radius), k_) / radius : 1.0;
+        places.at<cv::Vec2f>(v, u) = cv::Vec2f(static_cast<float>(camera_.fx() * x * scale + camera_.cx()),
+                                               static_cast<float>(camera_.fy() * y * scale + camera_.cy()));
+      }
     const auto maps = std::make_shared<Maps>();
     cv::convertMaps(places, cv::noArray(), maps->places, maps->shares, CV_16SC2);
     maps_ = maps;
