@@ -10,7 +10,7 @@ import subprocess
 
 from benches import common
 
-SIZES = (20, 60, 200, 600, 1000)
+SIZES = (20, 60, 200, 1000)
 MERGED = 0.5
 HEADERS = ("robots", "edges", "a robot: sensed, kB/s", "maps up to an edge, kB/s", "an edge up to the cloud, kB/s", "reports to the coordinator, kB/s", "mapping, processors a robot", "an edge's round, s", "the cloud's, s",
            "a decision, s", "bottleneck", "robots in joint maps", "all together, MB a robot")

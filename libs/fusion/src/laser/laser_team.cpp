@@ -30,16 +30,17 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       priors_(maps, graph_, input.priors),
       merged_(maps, graph_, input.merged, resources.memo),
       judge_(maps, graph_, options, input.vetoed, resources),
+      new_questions_left_(input.most_new_questions.value_or(~std::size_t{0})),
       search_(maps, graph_, judge_),
       proposals_(maps, graph_) {
   for (const MapPair& pair : refused)
     if (input.refused.count({maps[pair.first].map->id, maps[pair.second].map->id}) != 0) refused_by_user_.insert(pair);
 }
 
-const LaserTeam* LaserMerger::team_of(std::size_t map) const {
-  const auto team =
-      std::find_if(teams_.begin(), teams_.end(), [&](const LaserTeam& t) { return contains(t.maps, map); });
-  return team == teams_.end() ? nullptr : &*team;
+void LaserMerger::remember_teams() {
+  place_of_team_.assign(maps_.size(), ~std::size_t{0});
+  for (std::size_t place = 0; place < teams_.size(); ++place)
+    for (const std::size_t map : teams_[place].maps) place_of_team_[map] = place;
 }
 
 PlacedSubmap LaserMerger::placed_submap(std::size_t map, std::size_t submap, const Pose2& pose) const {
@@ -64,17 +65,30 @@ SightOf LaserMerger::sight_of(const std::vector<const std::vector<PlacedSubmap>*
   return [this](std::size_t number) { return judge_.sight(number); };
 }
 
-// Pairs of teams, those first whose places match most.
+// Pairs of teams, the lower place first, of which anything is known: between the others there is no hypothesis.
+std::vector<std::pair<std::size_t, std::size_t>> LaserMerger::comparable_teams() const {
+  std::vector<std::pair<std::size_t, std::size_t>> result;
+  const auto add = [&](const MapPair& pair) {
+    const auto [x, z] = std::minmax(place_of_team_[pair.first], place_of_team_[pair.second]);
+    if (x != z && z < teams_.size()) result.emplace_back(x, z);
+  };
+  for (const MapPair& pair : answered_) add(pair);
+  for (const auto& entry : grids_.pairs()) add(entry.first);
+  std::sort(result.begin(), result.end());
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
+// Those first whose places match most.
 std::vector<std::pair<std::size_t, std::size_t>> LaserMerger::likeliest_first() const {
   std::vector<std::tuple<double, std::size_t, std::size_t>> order;
-  for (std::size_t x = 0; x < teams_.size(); ++x)
-    for (std::size_t z = x + 1; z < teams_.size(); ++z) {
-      double weight = 0.0;
-      for (const SubmapAnswer* answer : answers_between(teams_[x], teams_[z]))
-        if (answer->holds)
-          weight += log_odds(answer->hypotheses.front().probability) * answer->judgement.evidence.overlap_m2;
-      order.emplace_back(-weight, x, z);
-    }
+  for (const auto& [x, z] : comparable_teams()) {
+    double weight = 0.0;
+    for (const SubmapAnswer* answer : answers_between(teams_[x], teams_[z]))
+      if (answer->holds)
+        weight += log_odds(answer->hypotheses.front().probability) * answer->judgement.evidence.overlap_m2;
+    order.emplace_back(-weight, x, z);
+  }
   std::sort(order.begin(), order.end());
   std::vector<std::pair<std::size_t, std::size_t>> result;
   for (const auto& [weight, x, z] : order) result.emplace_back(x, z);
@@ -109,6 +123,7 @@ bool LaserMerger::merge_surest() {
   x.matches.insert(x.matches.end(), chosen.matches.begin(), chosen.matches.end());
   x.solved = chosen.solved;
   teams_.erase(teams_.begin() + static_cast<std::ptrdiff_t>(best_z));
+  remember_teams();
   return true;
 }
 
@@ -189,6 +204,7 @@ void LaserMerger::merge_all() {
     merges_.insert(merges_.end(), team.merges.begin(), team.merges.end());
   }
   std::sort(teams_.begin(), teams_.end(), [](const LaserTeam& l, const LaserTeam& r) { return l.maps < r.maps; });
+  remember_teams();
   bool any = true;
   for (std::size_t count = kFirstRound; any; count = std::min(4 * count, kMostAtOnce)) {
     any = false;
@@ -233,6 +249,7 @@ void LaserMerger::split_unconnected() {
     }
   }
   teams_ = std::move(parts);
+  remember_teams();
 }
 
 std::optional<MergedMaps> LaserMerger::merged_maps(const std::vector<std::size_t>& maps) const {

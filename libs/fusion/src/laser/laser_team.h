@@ -77,7 +77,10 @@ class LaserMerger {
 
   void run(Progress& progress);
   const std::vector<LaserTeam>& teams() const { return teams_; }
-  const LaserTeam* team_of(std::size_t map) const;
+  // Null before run().
+  const LaserTeam* team_of(std::size_t map) const {
+    return map < place_of_team_.size() && place_of_team_[map] < teams_.size() ? &teams_[place_of_team_[map]] : nullptr;
+  }
   const SubmapGraph& graph() const { return graph_; }
   const MergedTeams& merged() const { return merged_; }  // that were given
   // How run() merged these maps; none where it did not. Judgements are the memo's.
@@ -126,7 +129,7 @@ class LaserMerger {
   double unlikeness(const std::vector<SubmapQuestion>& questions) const;
   std::vector<MapPair> next_pairs(bool is_first, std::set<MapPair>& asked) const;
   bool ask_more(std::size_t count, std::set<MapPair>& asked);
-  std::vector<SubmapQuestion> next_questions(PairState& state, std::size_t count) const;
+  std::vector<SubmapQuestion> next_questions(PairState& state, std::size_t count);
   std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   // Of grids in one team with grids in the other.
@@ -151,6 +154,8 @@ class LaserMerger {
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
   bool fits_elsewhere(const std::vector<MergeHypothesis>& hypotheses) const;
   bool stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
+  void remember_teams();  // after every change of teams_
+  std::vector<std::pair<std::size_t, std::size_t>> comparable_teams() const;
   std::vector<std::pair<std::size_t, std::size_t>> likeliest_first() const;
   bool merge_surest();
   void merge_all();
@@ -204,12 +209,15 @@ class LaserMerger {
   PriorEvidence priors_;
   MergedTeams merged_;
   mutable SubmapJudge judge_;  // keeps what it looked at
+  std::size_t new_questions_left_;
   ConstraintSearch search_;
   WholeMapProposals proposals_;
   std::map<MapPair, PairState> pairs_;
   std::map<MapPair, PairHypothesis> taken_back_;  // how they lay in the team that the audit took them out of
+  std::set<MapPair> answered_;                    // pairs of maps that something was asked about
   std::vector<LaserTeam> teams_;
-  std::vector<TeamsMerged> merges_;  // in the order in which they were decided
+  std::vector<std::size_t> place_of_team_;  // in teams_, of each map; one that is none without a team
+  std::vector<TeamsMerged> merges_;         // in the order in which they were decided
   std::vector<PairAudit> taken_apart_;
   std::map<std::pair<std::vector<std::size_t>, std::vector<std::size_t>>, Evaluation> evaluations_;
 };

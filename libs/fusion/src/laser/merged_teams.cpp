@@ -70,15 +70,14 @@ std::optional<MergedTeam> known(const MergedMaps& given, const Numbers& numbers,
 
 MergedTeams::MergedTeams(const std::vector<PreparedMap>& maps, const SubmapGraph& graph,
                          const std::vector<MergedMaps>& given, Memo& memo)
-    : graph_(graph) {
+    : graph_(graph), place_of_team_(maps.size(), kUnknown) {
   if (given.empty()) return;
   const Numbers numbers(maps, graph);
   for (const MergedMaps& merged : given) {
     auto team = known(merged, numbers, graph);
-    const auto is_taken = [&](std::size_t map) {
-      return std::any_of(teams_.begin(), teams_.end(), [&](const MergedTeam& one) { return contains(one.maps, map); });
-    };
+    const auto is_taken = [&](std::size_t map) { return place_of_team_[map] < teams_.size(); };
     if (!team || std::any_of(team->maps.begin(), team->maps.end(), is_taken)) continue;
+    for (const std::size_t map : team->maps) place_of_team_[map] = teams_.size();
     for (const Judgement& judgement : merged.judgements) memo.emplace(judgement.id, judgement);
     teams_.push_back(std::move(*team));
   }
@@ -99,9 +98,8 @@ bool MergedTeams::are_matched(const MergedTeam& team, std::size_t a, std::size_t
 }
 
 const MergedTeam* MergedTeams::team_of(std::size_t map) const {
-  for (const MergedTeam& team : teams_)
-    if (!team.is_reopened && contains(team.maps, map)) return &team;
-  return nullptr;
+  const std::size_t place = place_of_team_[map];
+  return place < teams_.size() && !teams_[place].is_reopened ? &teams_[place] : nullptr;
 }
 
 }  // namespace mapweave::fusion

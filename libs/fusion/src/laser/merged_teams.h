@@ -43,6 +43,7 @@ class MergedTeams {
 
   const SubmapGraph& graph_;
   std::vector<MergedTeam> teams_;
+  std::vector<std::size_t> place_of_team_;  // in teams_, of each map; one that is none without a team
 };
 
 }  // namespace mapweave::fusion

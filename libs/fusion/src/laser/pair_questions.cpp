@@ -91,7 +91,7 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
     }
     if (state.open.empty() || refused_.count(pair) != 0) continue;
     if (team_of(pair.first) != nullptr && team_of(pair.first) == team_of(pair.second)) continue;
-    if (is_known_to_repeat(pair) || merged_.are_together(pair.first, pair.second)) continue;
+    if (merged_.are_together(pair.first, pair.second)) continue;
     open.emplace_back(state.unlikeness, pair);
   }
   std::sort(open.begin(), open.end());
@@ -99,7 +99,7 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
   const auto may_ask = [&](std::size_t map) { return now[map] < kAtOnce && times[map] < most; };
   std::vector<MapPair> next;
   for (const auto& [unlikeness, pair] : open) {
-    if (!may_ask(pair.first) && !may_ask(pair.second)) continue;
+    if ((!may_ask(pair.first) && !may_ask(pair.second)) || is_known_to_repeat(pair)) continue;
     for (const std::size_t map : {pair.first, pair.second}) {
       ++now[map];
       ++times[map];
@@ -110,10 +110,16 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
   return next;
 }
 
-// They are no longer open then.
-std::vector<SubmapQuestion> LaserMerger::next_questions(PairState& state, std::size_t count) const {
+// They are no longer open then. None where more of them are new than may be asked.
+std::vector<SubmapQuestion> LaserMerger::next_questions(PairState& state, std::size_t count) {
   const std::size_t wanted = state.of_prior > 0 ? std::max(count, kBesidePrior) + state.of_prior : count;
   const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(wanted, state.open.size()));
+  if (input_.most_new_questions) {
+    const auto are_new = static_cast<std::size_t>(std::count_if(
+        state.open.begin(), end, [&](const SubmapQuestion& question) { return !judge_.is_answered(question); }));
+    if (are_new > new_questions_left_) return {};
+    new_questions_left_ -= are_new;
+  }
   state.of_prior = 0;
   std::vector<SubmapQuestion> next(state.open.begin(), end);
   state.open.erase(state.open.begin(), end);
@@ -125,14 +131,17 @@ bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
   if (is_over(input_)) return false;
   std::vector<SubmapQuestion> questions;
   std::vector<PairState*> whose;
-  for (const MapPair& pair : next_pairs(count == kFirstRound, asked)) {
-    PairState& state = pairs_.at(pair);
-    for (const SubmapQuestion& question : next_questions(state, count)) {
-      questions.push_back(question);
-      whose.push_back(&state);
+  while (questions.empty()) {
+    const std::vector<MapPair> pairs = next_pairs(count == kFirstRound, asked);
+    if (pairs.empty()) return false;
+    for (const MapPair& pair : pairs) {
+      PairState& state = pairs_.at(pair);
+      for (const SubmapQuestion& question : next_questions(state, count)) {
+        questions.push_back(question);
+        whose.push_back(&state);
+      }
     }
   }
-  if (questions.empty()) return false;
   std::vector<SubmapAnswer> answers = judge_.ask(questions);
   for (std::size_t i = 0; i < answers.size(); ++i) {
     // Who forbids a judgement of two maps forbids that they are matched: what it found, others would find again.
@@ -141,6 +150,7 @@ bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
       refused_.insert(pair);
       vetoed_.insert(pair);
     }
+    answered_.insert(std::minmax(graph_.map_of(answers[i].from), graph_.map_of(answers[i].to)));
     whose[i]->answers.push_back(std::move(answers[i]));
   }
   for (const MapPair& pair : vetoed_) pairs_[pair].answers.clear();
