@@ -1,5 +1,6 @@
 // What a fleet of robots with lasers costs its edges, its cloud and its coordinator while it drives: growing maps of
-// simulated robots, five in each flat, go up in rounds of virtual time. Prints one JSON object.
+// simulated robots, five in each flat, go up in rounds of virtual time. Prints one JSON object. Robots of a flat are on
+// one edge, or, so that the cloud has to find them, on as many as there are.
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/scheduling/overlap_estimate.h>
 #include <mapweave/tiers/coordinator.h>
@@ -12,6 +13,8 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <set>
+#include <string>
 
 namespace mapweave::tiers {
 namespace {
@@ -24,27 +27,31 @@ constexpr double kDrive_m = 12.0;
 struct DrivingRobot {
   RobotId id;
   TierId edge;
+  int flat = 0;
   std::vector<Map> parts;
   std::vector<std::uint64_t> scans;  // so far
   double drive_s = 0.0, mapping_s = 0.0;
   std::uint64_t sensed_bytes = 0;
 };
 
-std::vector<DrivingRobot> drive(int count) {
+std::vector<DrivingRobot> drive(int count, int first_seed, bool are_spread) {
+  const int edges = (count + kOfEdge - 1) / kOfEdge;
   std::vector<DrivingRobot> fleet;
   for (int flat = 0; static_cast<int>(fleet.size()) < count; ++flat) {
     simulation::TeamOptions options;
     options.robots = kOfFlat;
     options.shared = 0.5;
     options.length_m = kDrive_m;
-    options.seed = 100 + flat;
+    options.seed = first_seed + flat;
     options.laser.rays = 181;
     const auto team = simulation::make_apartment({}, options);
     const auto geometry = test::scan_geometry(team.laser);
     for (const auto& robot : team.robots) {
       DrivingRobot& driving = fleet.emplace_back();
       driving.id = RobotId("r" + std::to_string(fleet.size()));
-      driving.edge = TierId("edge" + std::to_string((fleet.size() - 1) / kOfEdge));
+      const int number = static_cast<int>(fleet.size()) - 1;
+      driving.edge = TierId("edge" + std::to_string(are_spread ? number % edges : number / kOfEdge));
+      driving.flat = flat;
       driving.drive_s = 1e-9 * static_cast<double>(robot.steps.back().stamp.ns - robot.steps.front().stamp.ns);
       laser::GraphMapper mapper({driving.id, SensorId("laser")}, {});
       const double begin_s = thread_cpu_seconds();
@@ -70,7 +77,7 @@ std::vector<DrivingRobot> drive(int count) {
 struct RoundCost {
   double edges_s = 0.0, longest_edge_s = 0.0, cloud_s = 0.0, coordinator_s = 0.0;
   std::uint64_t robot_bytes = 0, cloud_bytes = 0, report_bytes = 0;
-  std::size_t joint_maps = 0, merged_robots = 0;
+  std::size_t joint_maps = 0, merged_robots = 0, mixed_maps = 0;  // mixed: of robots of several flats
 };
 
 nlohmann::json json_of(const RoundCost& cost) {
@@ -82,7 +89,8 @@ nlohmann::json json_of(const RoundCost& cost) {
           {"cloud_bytes", cost.cloud_bytes},
           {"report_bytes", cost.report_bytes},
           {"joint_maps", cost.joint_maps},
-          {"merged_robots", cost.merged_robots}};
+          {"merged_robots", cost.merged_robots},
+          {"mixed_maps", cost.mixed_maps}};
 }
 
 double peak_mb() {
@@ -99,6 +107,7 @@ class Fleet {
     for (const DrivingRobot& robot : robots_)
       if (edges_.try_emplace(robot.edge, robot.edge, fusion::FusionOptions()).second)
         coordinator_->receive(EdgeIs{robot.edge, 1e6, 1.0, {}});
+    for (const DrivingRobot& robot : robots_) flat_of_[robot.parts.front().id] = robot.flat;
     for (const DrivingRobot& robot : robots_) coordinator_->receive(RobotComes{robot.id, {}, robot.edge});
   }
 
@@ -129,6 +138,9 @@ class Fleet {
     }
     timed(cost.cloud_s, [&] { cloud_.fuse(pool_, *progress_); });
     for (const fusion::Component& component : cloud_.result().components) {
+      std::set<int> flats;
+      for (const MapId& member : component.members) flats.insert(flat_of_.at(member));
+      cost.mixed_maps += flats.size() > 1 ? 1 : 0;
       cost.joint_maps += component.members.size() > 1 ? 1 : 0;
       cost.merged_robots += component.members.size() > 1 ? component.members.size() : 0;
     }
@@ -143,6 +155,7 @@ class Fleet {
 
  private:
   std::vector<DrivingRobot> robots_;
+  std::map<MapId, int> flat_of_;
   std::map<RobotId, GrowingMapSender> senders_;
   std::map<TierId, RoundMerger> edges_;
   RoundMerger cloud_;
@@ -152,12 +165,13 @@ class Fleet {
 };
 
 int run(int argc, char** argv) {
-  const int count = argc > 1 ? std::atoi(argv[1]) : 20;
-  if (count < kOfFlat || count > 10000) {
-    std::fprintf(stderr, "usage: fleet_benchmark ROBOTS, from %d to 10000\n", kOfFlat);
+  const int count = argc > 1 ? std::atoi(argv[1]) : 20, first_seed = argc > 2 ? std::atoi(argv[2]) : 100;
+  const bool are_spread = argc > 3 && std::string(argv[3]) == "spread";
+  if (count < kOfFlat || count > 10000 || (argc > 3 && !are_spread) || argc > 4) {
+    std::fprintf(stderr, "usage: fleet_benchmark ROBOTS [FIRST_SEED [spread]], robots from %d to 10000\n", kOfFlat);
     return 2;
   }
-  std::vector<DrivingRobot> robots = drive(count);
+  std::vector<DrivingRobot> robots = drive(count, first_seed, are_spread);
   nlohmann::json result{
       {"robots", count}, {"edges", (count + kOfEdge - 1) / kOfEdge}, {"rounds", nlohmann::json::array()}};
   double drive_s = 0.0, mapping_s = 0.0, sensed = 0.0;

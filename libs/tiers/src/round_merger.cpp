@@ -9,9 +9,6 @@ namespace {
 constexpr std::size_t kLeastScans = 10;         // of a submap that still grows, to be looked at
 constexpr std::size_t kSearchAgain = 2;         // times as many submaps: then all is looked for again
 constexpr int kCandidates = 2, kMostPairs = 8;  // of a preview: places that are most alike; others come the next time
-// Of a preview of maps that other tiers have, about places that were not compared before, some milliseconds each:
-// however many robots the cloud has, its preview is there in seconds.
-constexpr std::size_t kMostNewQuestions = 400;
 
 std::tuple<SubmapId, SubmapId, Hash> key_of_match(const MatchedSubmaps& match) {
   return {match.from, match.to, match.judgement};
@@ -176,8 +173,6 @@ fusion::FusionInput RoundMerger::input() {
   input.models = models_;
   input.sights = sights_;
   input.is_preview = true;
-  if (std::any_of(known_.begin(), known_.end(), [&](const auto& entry) { return entry.second.from != tier_; }))
-    input.most_new_questions = kMostNewQuestions;
   std::size_t submaps = 0;
   for (const auto& entry : known_) {
     Map map = as_if_frozen(entry.second.map(), kLeastScans);

@@ -30,7 +30,6 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       priors_(maps, graph_, input.priors),
       merged_(maps, graph_, input.merged, resources.memo),
       judge_(maps, graph_, options, input.vetoed, resources),
-      new_questions_left_(input.most_new_questions.value_or(~std::size_t{0})),
       search_(maps, graph_, judge_),
       proposals_(maps, graph_) {
   for (const MapPair& pair : refused)

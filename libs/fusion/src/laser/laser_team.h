@@ -129,7 +129,7 @@ class LaserMerger {
   double unlikeness(const std::vector<SubmapQuestion>& questions) const;
   std::vector<MapPair> next_pairs(bool is_first, std::set<MapPair>& asked) const;
   bool ask_more(std::size_t count, std::set<MapPair>& asked);
-  std::vector<SubmapQuestion> next_questions(PairState& state, std::size_t count);
+  std::vector<SubmapQuestion> next_questions(PairState& state, std::size_t count) const;
   std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   // Of grids in one team with grids in the other.
@@ -209,7 +209,6 @@ class LaserMerger {
   PriorEvidence priors_;
   MergedTeams merged_;
   mutable SubmapJudge judge_;  // keeps what it looked at
-  std::size_t new_questions_left_;
   ConstraintSearch search_;
   WholeMapProposals proposals_;
   std::map<MapPair, PairState> pairs_;

@@ -110,16 +110,10 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
   return next;
 }
 
-// They are no longer open then. None where more of them are new than may be asked.
-std::vector<SubmapQuestion> LaserMerger::next_questions(PairState& state, std::size_t count) {
+// They are no longer open then.
+std::vector<SubmapQuestion> LaserMerger::next_questions(PairState& state, std::size_t count) const {
   const std::size_t wanted = state.of_prior > 0 ? std::max(count, kBesidePrior) + state.of_prior : count;
   const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(wanted, state.open.size()));
-  if (input_.most_new_questions) {
-    const auto are_new = static_cast<std::size_t>(std::count_if(
-        state.open.begin(), end, [&](const SubmapQuestion& question) { return !judge_.is_answered(question); }));
-    if (are_new > new_questions_left_) return {};
-    new_questions_left_ -= are_new;
-  }
   state.of_prior = 0;
   std::vector<SubmapQuestion> next(state.open.begin(), end);
   state.open.erase(state.open.begin(), end);
@@ -131,17 +125,14 @@ bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
   if (is_over(input_)) return false;
   std::vector<SubmapQuestion> questions;
   std::vector<PairState*> whose;
-  while (questions.empty()) {
-    const std::vector<MapPair> pairs = next_pairs(count == kFirstRound, asked);
-    if (pairs.empty()) return false;
-    for (const MapPair& pair : pairs) {
-      PairState& state = pairs_.at(pair);
-      for (const SubmapQuestion& question : next_questions(state, count)) {
-        questions.push_back(question);
-        whose.push_back(&state);
-      }
+  for (const MapPair& pair : next_pairs(count == kFirstRound, asked)) {
+    PairState& state = pairs_.at(pair);
+    for (const SubmapQuestion& question : next_questions(state, count)) {
+      questions.push_back(question);
+      whose.push_back(&state);
     }
   }
+  if (questions.empty()) return false;
   std::vector<SubmapAnswer> answers = judge_.ask(questions);
   for (std::size_t i = 0; i < answers.size(); ++i) {
     // Who forbids a judgement of two maps forbids that they are matched: what it found, others would find again.

@@ -123,47 +123,28 @@ SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgem
   return answer;
 }
 
-struct SubmapJudge::Posed {
-  const PreparedMap &map_of_first, &map_of_second;
-  const Submap &first, &second;
-  matching::WideWindow first_from_second;
-  matching::JudgeOptions options;
-  matching::Field field;
-  Hash id;
-};
-
-SubmapJudge::Posed SubmapJudge::posed(const SubmapQuestion& question) const {
-  const PreparedMap &a = maps_[graph_.map_of(question.from)], &b = maps_[graph_.map_of(question.to)];
-  const std::size_t sa = graph_.submap_of(question.from), sb = graph_.submap_of(question.to);
-  const Submap &one = submap_of(a, sa), &other = submap_of(b, sb);
-  const bool swapped = other.id < one.id;
-  matching::WideWindow window = question.from_from_to;
-  if (swapped) window.a_from_b = inverse(window.a_from_b);
-  const bool is_first_lower =
-      swapped ? b.fingerprints[sb] < a.fingerprints[sa] : a.fingerprints[sa] < b.fingerprints[sb];
-  const auto field = is_first_lower ? matching::Field::a : matching::Field::b;
-  const matching::JudgeOptions options = options_for(question, options_.judge);
-  const Submap &first = swapped ? other : one, &second = swapped ? one : other;
-  return {swapped ? b : a, swapped ? a : b,
-          first,           second,
-          window,          options,
-          field,           matching::judgement_id(first.content, second.content, window, options, field)};
-}
-
-bool SubmapJudge::is_answered(const SubmapQuestion& question) const {
-  return memo_.find(posed(question).id) != memo_.end();
-}
-
 std::vector<SubmapAnswer> SubmapJudge::ask(const std::vector<SubmapQuestion>& questions) {
   const std::vector<std::size_t> order = by_blocks(questions);
   std::vector<Judgement> judgements(questions.size());
   const auto judged = [&](const SubmapQuestion& question) {
-    const Posed as = posed(question);
-    const auto known = memo_.find(as.id);
+    const std::size_t map_a = graph_.map_of(question.from), map_b = graph_.map_of(question.to);
+    const std::size_t sa = graph_.submap_of(question.from), sb = graph_.submap_of(question.to);
+    const Submap &a = submap_of(maps_[map_a], sa), &b = submap_of(maps_[map_b], sb);
+    matching::WideWindow window = question.from_from_to;
+    const bool swapped = b.id < a.id;
+    if (swapped) window.a_from_b = inverse(window.a_from_b);
+    const Submap &first = swapped ? b : a, &second = swapped ? a : b;
+    const Hash &print_a = maps_[map_a].fingerprints[sa], &print_b = maps_[map_b].fingerprints[sb];
+    const bool is_first_lower = swapped ? print_b < print_a : print_a < print_b;
+    const auto field = is_first_lower ? matching::Field::a : matching::Field::b;
+    const matching::JudgeOptions judge_options = options_for(question, options_.judge);
+    const Hash id = matching::judgement_id(first.content, second.content, window, judge_options, field);
+    const auto known = memo_.find(id);
     if (known != memo_.end()) return known->second;
-    return matching::judge({as.first.id, as.first.content, cache_.get(as.first, as.map_of_first.map->nodes)},
-                           {as.second.id, as.second.content, cache_.get(as.second, as.map_of_second.map->nodes)},
-                           as.first_from_second, as.options, as.field);
+    const auto& of_first = maps_[swapped ? map_b : map_a].map->nodes;
+    const auto& of_second = maps_[swapped ? map_a : map_b].map->nodes;
+    return matching::judge({first.id, first.content, cache_.get(first, of_first)},
+                           {second.id, second.content, cache_.get(second, of_second)}, window, judge_options, field);
   };
   pool_.for_each(questions.size(), [&](std::size_t i) {
     if (!is_over(input_)) judgements[order[i]] = judged(questions[order[i]]);

@@ -61,7 +61,6 @@ class SubmapJudge {
   // In the order of the questions; none once an interruption ended the search. Not thread-safe; works in parallel
   // within.
   std::vector<SubmapAnswer> ask(const std::vector<SubmapQuestion>& questions);
-  bool is_answered(const SubmapQuestion&) const;  // by the memo
   std::shared_ptr<const WallSight> sight(std::size_t submap);
   // Makes what is missing in parallel, as far as there is room to keep it.
   void prepare_sights(const std::vector<std::size_t>& submaps);
@@ -70,9 +69,6 @@ class SubmapJudge {
   }  // judgements, in the order of the questions, with repetitions
 
  private:
-  // A question as matching::judge() takes it: whose content stands first does not depend on names.
-  struct Posed;
-  Posed posed(const SubmapQuestion& question) const;
   std::shared_ptr<const WallSight> made(std::size_t submap) const;
   SubmapAnswer answer_of(const SubmapQuestion& question, const Judgement& judgement) const;
 

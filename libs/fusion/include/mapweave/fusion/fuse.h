@@ -69,9 +69,6 @@ struct FusionInput {
   // Of maps of lasers that still grow, in rounds while robots drive: they lie as the graph of their submaps puts them;
   // no scan is matched again, maps are not laid on each other as wholes, and copies of a recording are not looked for.
   bool is_preview = false;
-  // Of a preview: how many questions about places are answered that no judgement of the memo answers, those of the maps
-  // that are most alike first. The others wait for the next preview.
-  std::optional<std::size_t> most_new_questions = {};
   std::shared_ptr<KeptSights> sights = {};  // to be kept for the next merge of the same maps; speed, never content
   // Where it is given, an interruption ends the search for places that coincide instead of fuse(): it becomes true,
   // what was found until then decides, and the interruption is taken (clear_interrupt()).
