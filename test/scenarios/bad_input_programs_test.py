@@ -1,5 +1,6 @@
 """Programs of a deployment that others should not follow, or that have no room: another configuration or version, a name that is there twice,
 a stranger who floods, an edge whose store is full. Each is named on the edge's page and by doctor, and the map is that of a run."""
+import contextlib
 import json
 import pathlib
 import resource
@@ -11,7 +12,18 @@ import bad_input_broker_test
 import serve_test
 import support
 
+FLOODED = "parts that came are no messages"
 LITTLE = 4096   # bytes, of which no journal keeps a scan
+
+
+@contextlib.contextmanager
+def held(program):
+    """The program stands still, and goes on afterwards."""
+    program.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        program.send_signal(signal.SIGCONT)
 
 
 class Programs(bad_input_broker_test.OfTwoRobots):
@@ -54,12 +66,11 @@ class Programs(bad_input_broker_test.OfTwoRobots):
         for subject, payload in stranger.messages():
             status = json.loads(payload)
             break
-        programs["alpha"].send_signal(signal.SIGSTOP)   # it says nothing itself
-        status["version"] = "0.0.1"
-        stranger.publish(subject, json.dumps(status).encode())
-        time.sleep(0.5)
-        found = self.doctor()
-        programs["alpha"].send_signal(signal.SIGCONT)
+        with held(programs["alpha"]):   # it says nothing itself
+            status["version"] = "0.0.1"
+            stranger.publish(subject, json.dumps(status).encode())
+            time.sleep(0.5)
+            found = self.doctor()
         self.assertIn("it is version 0.0.1, this one is", found)
         self.assertIn("give all programs the same version", found)
         self.end_all(programs)
@@ -70,7 +81,8 @@ class Programs(bad_input_broker_test.OfTwoRobots):
         self.write("logs/room.log", "\n".join(support.room_lines(30)) + "\n")
         self.write("logs/twin.yaml", (self.folder / "logs/run.yaml").read_text().replace("alpha.rawlog", "room.log"))
         twin = self.start("serve", "robot", "logs/twin.yaml", "--name", "alpha", *self.talk)
-        self.wait_for(lambda: "refused" in serve_test.findings(self.port), "the edge's page tells of it")
+        with held(programs["alpha"]):   # it does not end before its twin comes
+            self.wait_for(lambda: "refused" in serve_test.findings(self.port), "the edge's page tells of it")
         self.assertIn("robot 'alpha' is here already", self.stop(twin))
         self.end_all(programs)
 
@@ -79,15 +91,19 @@ class Programs(bad_input_broker_test.OfTwoRobots):
         stranger = bad_input_broker_test.Stranger(self.broker)
         self.addCleanup(stranger.close)
         stranger.subscribe("mw.edge_north_up.>")   # what robots say to the edge
-        subject = next(stranger.messages())[0]
+        subject = next(subject for subject, _ in stranger.messages() if "alpha" in subject)
         flood = bad_input_broker_test.Stranger(self.broker)
         self.addCleanup(flood.close)
-        for number in range(2000):   # 128 MB
-            flood.publish(subject, number.to_bytes(8, "little") * 8192)
-        self.wait_for(lambda: "parts that came are no messages" in serve_test.findings(self.port), "the edge's page tells of them")
+        with held(programs["beta"]):   # the deployment does not end before the page was read
+            with held(programs["alpha"]):
+                for number in range(2000):   # 128 MB
+                    flood.publish(subject, number.to_bytes(8, "little") * 8192)
+                self.wait_for(lambda: FLOODED in serve_test.findings(self.port), "the edge's page tells of them")
+            self.end(programs.pop("alpha"))
+            self.assertIn(FLOODED, serve_test.findings(self.port))   # though it has other channels by now
         if not support.is_sanitized():   # sanitizers keep what was freed
-            held = pathlib.Path(f"/proc/{programs['north'].pid}/status").read_text().split("VmHWM:")[1].split()[0]
-            self.assertLess(int(held), 300_000, "kB")
+            peak = pathlib.Path(f"/proc/{programs['north'].pid}/status").read_text().split("VmHWM:")[1].split()[0]
+            self.assertLess(int(peak), 300_000, "kB")
         self.end_all(programs)
 
     def test_an_edge_whose_store_is_full_goes_on_once_there_is_room(self):

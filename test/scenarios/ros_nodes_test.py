@@ -341,7 +341,7 @@ live: {{broker: "{broker}", preview_period_s: 0.5, store: store}}
 import rospy
 from nav_msgs.msg import OccupancyGrid
 rospy.init_node('looker', anonymous=True)
-print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 20).header.frame_id, rospy.wait_for_message('/north/map', OccupancyGrid, 20).header.frame_id)
+print(rospy.wait_for_message('/tb0/map', OccupancyGrid, 50).header.frame_id, rospy.wait_for_message('/north/map', OccupancyGrid, 50).header.frame_id)
 """).stdout)
         for robot in SHIFTS:
             self.call(f"/{robot}/finish", "std_srvs/Trigger")

@@ -167,6 +167,7 @@ void LiveCloud::State::step(Clock::time_point now) {
     if (!link.is_closed) continue;
     link.wire->close();
     add_counts(link.wire->counts(), counts);
+    if (link.edge != nullptr) add_counts(link.wire->health(), link.edge->wire_before);
   }
   links.remove_if([](const Link& link) { return link.is_closed; });
 }
@@ -296,6 +297,7 @@ LiveCloudCounts LiveCloud::counts() const {
       one.is_on_wire = true;
       one.wire = link.wire->health();
     }
+    add_counts(edge.wire_before, one.wire);
   }
   return counts;
 }

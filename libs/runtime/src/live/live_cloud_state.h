@@ -31,6 +31,7 @@ struct LiveCloud::State {
     std::deque<Said> said;         // for the merging thread
     bool is_forgotten = false;     // of its previews nothing counts any more
     std::optional<Clock::time_point> received_at;
+    transport::Channel::Health wire_before;  // counts of its wires that were closed
     // Of the merging thread.
     tiers::RoundNews news;
     std::vector<std::pair<std::string, std::string>> finals;       // not given to the merger yet

@@ -197,6 +197,7 @@ void LiveEdge::State::step(Clock::time_point now) {
     if (!link.is_closed) continue;
     link.wire->close();
     add_counts(link.wire->counts(), counts);
+    if (link.robot != nullptr) add_counts(link.wire->health(), link.robot->wire_before);
   }
   links.remove_if([](const Link& link) { return link.is_closed; });
 }
@@ -389,6 +390,7 @@ LiveEdgeCounts LiveEdge::counts() const {
       one.is_on_wire = true;
       one.wire = link.wire->health();
     }
+    add_counts(robot.wire_before, one.wire);
   }
   return counts;
 }

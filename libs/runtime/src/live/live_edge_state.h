@@ -33,6 +33,7 @@ struct LiveEdge::State {
     bool has_said_all = false;  // its end came; it may still have to be mapped
     std::string map_report;     // the last one, encoded; empty: none yet
     std::optional<Clock::time_point> received_at;
+    transport::Channel::Health wire_before;   // counts of its wires that were closed
     std::uint64_t begun = 0, begun_soon = 0;  // wires that it began; within patience_s of the one before, in a row
     Clock::time_point begun_at{};
     std::shared_ptr<const Map> so_far;  // growing_part of its map

@@ -36,7 +36,14 @@ NumberedWire::NumberedWire(SessionId self, Hash agreement, std::string peer, con
       hooks_(std::move(hooks)),
       outbox_(options.window_bytes()) {}
 
+transport::Channel::Health NumberedWire::health() const {
+  transport::Channel::Health health = channel_ != nullptr ? channel_->health() : transport::Channel::Health{};
+  add_counts(before_, health);
+  return health;
+}
+
 void NumberedWire::use(std::shared_ptr<transport::Channel> channel) {
+  before_ = health();
   channel_ = std::move(channel);
   is_welcome_ = is_too_long_ = false;
   greeted_ = {};

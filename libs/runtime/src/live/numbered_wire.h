@@ -45,6 +45,13 @@ void add_counts(const WireCounts& wire, Counts& counts) {
   counts.again += wire.again;
 }
 
+// Counts of channels before to those of the one now; how it is doing stays.
+inline void add_counts(const transport::Channel::Health& before, transport::Channel::Health& wire) {
+  wire.refused += before.refused;
+  wire.missed += before.missed;
+  wire.unconfirmed += before.unconfirmed;
+}
+
 // What its owner does. All are called within step().
 struct WireHooks {
   // Who is there; how many of its numbers are stored here. Throws Error, which is sent to the other end.
@@ -95,10 +102,8 @@ class NumberedWire {
   WireCounts counts() const { return counts_; }
   // What the link to the other end carried when it was measured last.
   const std::optional<double>& bytes_per_s() const { return bytes_per_s_; }
-  // Of the channel that it uses now.
-  transport::Channel::Health health() const {
-    return channel_ != nullptr ? channel_->health() : transport::Channel::Health{};
-  }
+  // Of the channel that it uses now; what is counted, of those before it too.
+  transport::Channel::Health health() const;
 
  private:
   static constexpr double kSilences = 5.0;
@@ -118,6 +123,7 @@ class NumberedWire {
   LiveWireOptions options_;
   WireHooks hooks_;
   std::shared_ptr<transport::Channel> channel_;
+  transport::Channel::Health before_;  // counts of the channels before it
   Clock::time_point received_at_ = Clock::now(), opened_at_{}, greeted_{}, progress_{}, asked_again_{}, receipt_at_{};
   bool is_welcome_ = false, is_receipt_due_ = false, is_too_long_ = false;
   std::string refusal_;
