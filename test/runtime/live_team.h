@@ -79,7 +79,7 @@ struct LiveTeam : testing::Test {
   LiveTeam() {
     options.speed = 0.0;
     options.preview_period_s = 0.2;
-    options.wire.repeat_s = 0.2;
+    options.wire.repeat_s = 0.2 * test::kSlowness;
     choose_sensors(plan, configuration, pool);
   }
   ~LiveTeam() override {

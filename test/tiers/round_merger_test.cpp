@@ -163,5 +163,27 @@ TEST(RoundMerger, forgets_a_map_that_went_elsewhere) {
   EXPECT_EQ(edge.fuse(pool, *silent).components.size(), 1u);
 }
 
+TEST(RoundMerger, takes_a_map_of_who_has_it_now_though_the_one_before_was_slow) {
+  const auto part = [](std::size_t round) -> const Map& { return growing().parts[round][0]; };
+  RoundMerger north(TierId("north"), {}), south(TierId("south"), {}), cloud(TierId("cloud"), {});
+  const auto said = [&](RoundMerger& edge, std::size_t round) {
+    edge.put(part(round));
+    return edge.news();
+  };
+  const auto has = [&](std::size_t round) {
+    return cloud.map(part(round).id)->nodes.size() == part(round).nodes.size();
+  };
+  cloud.receive(said(north, 1), TierId("north"));
+  const RoundNews late = said(north, 2);
+  cloud.receive(said(south, 3), TierId("south"));
+  cloud.receive(late, TierId("north"));
+  EXPECT_TRUE(has(3));
+  cloud.receive(said(south, 4), TierId("south"));
+  EXPECT_TRUE(has(4));
+  north.forget(part(2).id);
+  cloud.receive(said(north, 5), TierId("north"));
+  EXPECT_TRUE(has(5)) << "it came back";
+}
+
 }  // namespace
 }  // namespace mapweave::tiers

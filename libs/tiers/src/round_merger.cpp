@@ -96,7 +96,29 @@ RoundMerger::Known& RoundMerger::known(const MapId& map, const TierId& from) {
 
 void RoundMerger::forget(const MapId& map) {
   if (known_.erase(map) == 0) return;
-  is_anew_ = has_news_ = true;
+  look_again_for(map);
+}
+
+// What was merged with it is looked for again.
+void RoundMerger::look_again_for(const MapId& map) {
+  const auto has_it = [&](const MergedMaps& merged) {
+    return std::binary_search(merged.members.begin(), merged.members.end(), map);
+  };
+  merged_.erase(std::remove_if(merged_.begin(), merged_.end(), has_it), merged_.end());
+  has_news_ = true;
+}
+
+// What an edge found between its maps is looked for again.
+void RoundMerger::look_again_for(const TierId& edge) {
+  const auto is_of_edge = [&](const MapId& id) {
+    const auto member = known_.find(id);
+    return member != known_.end() && member->second.from == edge;
+  };
+  const auto has_several = [&](const MergedMaps& merged) {
+    return std::count_if(merged.members.begin(), merged.members.end(), is_of_edge) > 1;
+  };
+  merged_.erase(std::remove_if(merged_.begin(), merged_.end(), has_several), merged_.end());
+  has_news_ = true;
 }
 
 void RoundMerger::set_refused(std::set<std::pair<MapId, MapId>> refused) {
@@ -107,19 +129,23 @@ void RoundMerger::set_refused(std::set<std::pair<MapId, MapId>> refused) {
 
 void RoundMerger::put(const Map& part) {
   Known& here = known(part.id, tier_);
-  if (!continues(here.own, part) && !here.own.empty()) is_anew_ = true;
+  if (!continues(here.own, part) && !here.own.empty()) look_again_for(part.id);
   const auto last_of = [](const Map& map) { return map.nodes.empty() ? NodeId() : map.nodes.back().first; };
-  has_news_ = has_news_ || is_anew_ || here.own.nodes.size() != part.nodes.size() || last_of(here.own) != last_of(part);
+  has_news_ = has_news_ || here.own.nodes.size() != part.nodes.size() || last_of(here.own) != last_of(part);
   here.own = part;
 }
 
 void RoundMerger::receive(std::string_view bytes, const std::string& where) {
   MapUpdate update = decode_map_update(bytes, where);
+  const auto before = known_.find(update.origin.map);
+  const bool is_first = update.base == 0;
+  // Said before the map went elsewhere: who has it begins anew.
+  if (!is_first && (before == known_.end() || before->second.from != update.origin.tier)) return;
   Known& there = known(update.origin.map, update.origin.tier);
   if (!there.inbox)
     there.inbox.emplace(update.origin);
-  else
-    is_anew_ = is_anew_ || update.base == 0;
+  else if (is_first)
+    look_again_for(update.origin.map);
   there.inbox->receive(std::move(update), bytes.size(), where);
   has_news_ = true;
 }
@@ -129,7 +155,7 @@ void RoundMerger::receive(const RoundNews& news, const TierId& from) {
   for (const std::string& update : news.updates) receive(update, where);
   if (news.is_anew) {
     below_.erase(from);
-    is_anew_ = has_news_ = true;
+    look_again_for(from);
   }
   for (const std::string& bytes : news.merged) {
     MergedMaps merged = decode_merged_maps(bytes, where);

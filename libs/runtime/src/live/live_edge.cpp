@@ -223,7 +223,9 @@ void LiveEdge::State::take(const LivePlan& news) {
   counts.is_done = counts.is_done || plan.is_done;
   for (auto& [name, robot] : robots) {
     const auto place = plan.edge_of.find(name);
-    if (place != plan.edge_of.end()) robot.is_member = place->second == edge;
+    if (place == plan.edge_of.end()) continue;
+    robot.has_left = robot.has_left || (robot.is_member && place->second != edge);
+    robot.is_member = place->second == edge;
   }
   changed.notify_all();
   const std::vector<RobotId> now = members();

@@ -286,8 +286,8 @@ void LiveEdge::State::preview() {
     const std::lock_guard lock(mutex);
     is_anew = std::exchange(begins_rounds, false);
     looks_again = std::exchange(has_new_requests, false);
-    for (const auto& entry : parts)
-      if (!robots.at(entry.first).is_member) gone.push_back(entry.first);
+    for (auto& [name, robot] : robots)
+      if (std::exchange(robot.has_left, false) && parts.count(name) != 0) gone.push_back(name);
   }
   if (!rounds || is_anew) {
     rounds.emplace(edge, site.configuration.fusion);

@@ -30,6 +30,7 @@ struct LiveEdge::State {
     std::size_t queue_bytes = 0;
     std::optional<tiers::RobotOutcome> outcome;
     bool has_ended = false, is_member = false;
+    bool has_left = false;      // since the last preview; it may have come back
     bool has_said_all = false;  // its end came; it may still have to be mapped
     std::string map_report;     // the last one, encoded; empty: none yet
     std::optional<Clock::time_point> received_at;

@@ -36,7 +36,8 @@ class RoundMerger {
   void set_refused(std::set<std::pair<MapId, MapId>> refused);
   // The map so far (growing_part) of a robot that is mapped here.
   void put(const Map& part);
-  // An encoded MapUpdate of a growing map; one of another sender than before takes the place of what was known. Throws
+  // An encoded MapUpdate of a growing map. The first one of another sender than before takes the place of what was
+  // known; a later one of a sender who has the map no longer is left out. Throws
   // Error (kCorrupt, kBadInput) as UpdateInbox does.
   void receive(std::string_view update, const std::string& where);
   // All that a tier below says. Throws the same.
@@ -47,8 +48,8 @@ class RoundMerger {
       const MapId&) const;  // as it is so far; null where none is known. Until the next call that is not const
   bool has_news() const { return has_news_; }  // since the last fuse()
   // A preview of the maps that are large enough. What was merged the last time is taken as it was, unless what is new
-  // contradicts it; all is looked for again once there are twice as many submaps. Pure in what was received so far,
-  // round by round: the same for any number of threads.
+  // contradicts it, or what it rests on was taken back; all is looked for again once there are twice as many submaps.
+  // Pure in what was received so far, round by round: the same for any number of threads.
   const fusion::FusionResult& fuse(WorkerPool&, Progress&);
   const fusion::FusionResult& result() const { return result_; }  // of the last fuse()
   std::vector<MapId> maps() const;                                // sorted
@@ -64,6 +65,8 @@ class RoundMerger {
     const Map& map() const { return inbox ? inbox->map() : own; }
   };
   Known& known(const MapId& map, const TierId& from);
+  void look_again_for(const MapId& map);
+  void look_again_for(const TierId& edge);
   fusion::FusionInput input();
   std::set<std::pair<MapId, MapId>> apart_below(const std::vector<MergedMaps>& seeds) const;
 
