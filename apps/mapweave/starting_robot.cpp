@@ -22,7 +22,8 @@ runtime::PlannedRobot with_sensors(runtime::PlannedRobot robot, const runtime::R
 StartingRobot::StartingRobot(runtime::PlannedRobot robot, const runtime::RunConfiguration& configuration,
                              runtime::ConnectToEdge to_edge, runtime::ConnectCamera to_camera_map_server,
                              std::function<bool()> has_log)
-    : robot_(std::move(robot)),
+    : id_(robot.id),
+      robot_(std::move(robot)),
       configuration_(configuration),
       to_edge_(std::move(to_edge)),
       to_camera_map_server_(std::move(to_camera_map_server)),

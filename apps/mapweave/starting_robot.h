@@ -20,7 +20,7 @@ class StartingRobot {
                 runtime::ConnectToEdge to_edge, runtime::ConnectCamera to_camera_map_server,
                 std::function<bool()> has_log = nullptr);
 
-  const RobotId& id() const { return robot_.id; }
+  const RobotId& id() const { return id_; }
   // Now and then. True: it has started. Throws Error: kMissing where there is no log, and as LiveRobot does.
   bool look();
   // As LiveRobot's; where there is no log yet, its edge is informed that it has none. A log that is read while it is
@@ -35,7 +35,8 @@ class StartingRobot {
  private:
   bool look_into_log();
 
-  runtime::PlannedRobot robot_;  // its id and edge stay
+  const RobotId id_;
+  runtime::PlannedRobot robot_;  // its edge stays
   const runtime::RunConfiguration& configuration_;
   runtime::ConnectToEdge to_edge_;
   runtime::ConnectCamera to_camera_map_server_;
