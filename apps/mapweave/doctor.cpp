@@ -91,14 +91,16 @@ std::chrono::system_clock::duration broker_is_ahead(transport::Board& board) {
   return {};
 }
 
-// Counts of one tier a second, between two looks.
+// Counts of one tier a second, between two looks; of those that did not begin again in between, as a robot's do that
+// changes edges.
 Json rates_of(const Json& before, const Json& after) {
   Json rates = Json::object();
   const double seconds = after.value("up_seconds", 0.0) - before.value("up_seconds", 0.0);
   if (seconds <= 0.0) return rates;
   const auto add = [&](const Json& first, const Json& second, const std::string& prefix) {
     for (const char* name : {"scans", "messages", "taken", "mapped", "sent_bytes"})
-      if (second.contains(name) && first.contains(name) && first[name].is_number() && second[name].is_number())
+      if (second.contains(name) && first.contains(name) && first[name].is_number() && second[name].is_number() &&
+          first[name] <= second[name])
         rates[prefix + name] = (second[name].get<double>() - first[name].get<double>()) / seconds;
   };
   const Json &one = before["tiers"][0], &two = after["tiers"][0];
