@@ -13,6 +13,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -59,7 +60,7 @@ Json look_here() {
   return findings;
 }
 
-// One program as it said last.
+// One program as it said last. What it says came over the wire, and may be of any shape.
 struct Word {
   Json status;
   double age_s = 0.0, clock_offset_s = 0.0;  // against the broker's clock
@@ -69,13 +70,13 @@ std::optional<Word> last_word(const transport::Board& board, const std::string& 
                               std::chrono::system_clock::time_point now) {
   const auto word = board.last(user, kPatience);
   if (!word) return std::nullopt;
+  constexpr std::int64_t kMost_ns = std::int64_t{4} << 60;  // of which differences are no overflow
   Json status = Json::parse(word->bytes, nullptr, false);
-  if (!status.is_object() || !status.contains("tiers") || !status["tiers"].is_array() || status["tiers"].empty())
-    throw Error(ErrorCode::kCorrupt, "what " + user + " says of itself cannot be read", user,
-                "give all programs the same version");
+  const auto at_ns = status.is_object() ? status.find("said_at_ns") : status.end();
+  const std::int64_t said_ns = at_ns != status.end() && at_ns->is_number_integer() ? at_ns->get<std::int64_t>() : 0;
   const auto seconds = [](auto duration) { return std::chrono::duration<double>(duration).count(); };
   const std::chrono::system_clock::time_point said{std::chrono::duration_cast<std::chrono::system_clock::duration>(
-      std::chrono::nanoseconds(status.value("said_at_ns", std::int64_t{0})))};
+      std::chrono::nanoseconds(std::clamp(said_ns, std::int64_t{0}, kMost_ns)))};
   return Word{std::move(status), seconds(now - word->stored), seconds(said - word->stored)};
 }
 
@@ -103,7 +104,7 @@ Json rates_of(const Json& before, const Json& after) {
           first[name] <= second[name])
         rates[prefix + name] = (second[name].get<double>() - first[name].get<double>()) / seconds;
   };
-  const Json &one = before["tiers"][0], &two = after["tiers"][0];
+  const Json &one = before.at("tiers").at(0), &two = after.at("tiers").at(0);
   add(one.value("counts", Json::object()), two.value("counts", Json::object()), "");
   for (const Json& link : two.value("links", Json::array()))
     for (const Json& known : one.value("links", Json::array()))
@@ -126,7 +127,7 @@ Json look_at_program(const std::string& user, const std::optional<Word>& before,
     find("error", "it never said anything", start);
     return seen;
   }
-  const Json& tier = after->status["tiers"][0];
+  const Json& tier = after->status.at("tiers").at(0);
   seen["silent_seconds"] = after->age_s;
   seen["clock_offset_seconds"] = after->clock_offset_s;
   seen["rates"] = before ? rates_of(before->status, after->status) : Json::object();
@@ -148,21 +149,44 @@ Json look_at_program(const std::string& user, const std::optional<Word>& before,
   return seen;
 }
 
+// One end of a wire: "  robot alpha: on the wire; said something 0 s ago; 5.1 messages/s; 2 missed".
+std::string wire_in_words(const Json& link, const Json& rates) {
+  const std::string name = link.value("name", ""), role = link.value("role", "");
+  std::string text = "\n  " + role + (name == role ? "" : " " + name) + ": " +
+                     (link.value("is_on_wire", false) ? "on the wire" : "not on the wire");
+  if (const auto silent = link.find("silent_seconds"); silent != link.end() && silent->is_number())
+    text += format("; said something %.0f s ago", silent->get<double>());
+  if (rates.contains(name + ".taken")) text += format("; %.1f messages/s", rates[name + ".taken"].get<double>());
+  const Json counts = link.value("counts", Json::object());
+  const auto add = [&](const char* count, const char* words) {
+    if (counts.contains(count) && counts[count] > 0) text += "; " + counts[count].dump() + words;
+  };
+  add("queue_bytes", " bytes to be mapped");
+  add("wire_missed", " messages missed");
+  add("wire_sent_again", " parts sent again");
+  add("wire_refused", " parts that are no messages");
+  if (const auto speed = counts.find("bytes_per_second"); speed != counts.end() && speed->is_number())
+    text += format("; carries %.0f kB/s", 1e-3 * speed->get<double>());
+  return text;
+}
+
 std::string in_words(const Json& seen) {
   std::string text = seen["program"].get<std::string>() + ": ";
-  if (seen["silent_seconds"].is_null()) return text + "it never said anything";
-  const Json& tier = seen["status"]["tiers"][0];
-  text += format("said something %.0f s ago; ", seen["silent_seconds"].get<double>()) + tier.value("state", "");
+  if (seen["silent_seconds"].is_null()) return text + seen["findings"].at(0).at("what").get<std::string>();
+  const Json& tier = seen["status"].at("tiers").at(0);
+  text += format("said something %.0f s ago; ", seen["silent_seconds"].get<double>()) + tier.value("state", "") +
+          format("; its clock %+.2f s", seen["clock_offset_seconds"].get<double>());
   const Json counts = tier.value("counts", Json::object());
   const auto add = [&](const char* name, const char* words) {
-    if (counts.contains(name)) text += "; " + std::to_string(counts[name].get<std::int64_t>()) + words;
+    if (counts.contains(name)) text += "; " + counts[name].dump() + words;
   };
   add("scans", " scans");
   if (seen["rates"].contains("scans")) text += format(" (%.1f/s)", seen["rates"]["scans"].get<double>());
   add("lost_scans", " lost");
   add("waiting_bytes", " bytes wait");
   add("preview_maps", " maps in its preview");
-  if (counts.contains("plan")) text += "; plan " + std::to_string(counts["plan"].get<std::int64_t>());
+  if (counts.contains("plan")) text += "; plan " + counts["plan"].dump();
+  for (const Json& link : tier.value("links", Json::array())) text += wire_in_words(link, seen["rates"]);
   const Json groups = tier.value("groups", Json::object());
   for (const auto& [edge, robots] : groups.items()) {
     text += "\n  edge " + edge + ":";
@@ -178,10 +202,36 @@ std::string in_words(const Json& seen) {
   return text;
 }
 
-void show(const Json& findings) {
+std::string in_lines(const Json& findings) {
+  std::string text;
   for (const Json& one : findings)
-    std::cout << "  " << one.value("level", "") << ": " << one.value("what", "") << "; " << one.value("remedy", "")
-              << "\n";
+    text += "  " + one.value("level", "") + ": " + one.value("what", "") + "; " + one.value("remedy", "") + "\n";
+  return text;
+}
+
+// Without what would change a terminal.
+std::string printable(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return (c >= 0 && c < ' ' && c != '\n') || c == '\x7f'; }, '?');
+  return text;
+}
+
+// With `text`, as it is printed.
+Json seen_and_described(const std::string& user, const std::optional<Word>& before, const std::optional<Word>& after,
+                        double patience_s) {
+  Json seen;
+  try {
+    seen = look_at_program(user, before, after, patience_s);
+    seen["text"] = printable(in_words(seen) + "\n" + in_lines(seen["findings"]));
+  } catch (const Json::exception&) {
+    seen = {{"program", user},
+            {"silent_seconds", nullptr},
+            {"findings",
+             {finding("error", "what it says of itself cannot be read",
+                      "give all programs the same version; look who else writes under its name")}}};
+    seen["text"] = in_words(seen) + "\n" + in_lines(seen["findings"]);
+  }
+  return seen;
 }
 
 struct Program {
@@ -212,8 +262,7 @@ Json look_at_deployment(const Arguments& arguments) {
       if (own) try {
           words.push_back(last_word(*own, program.user, now));
           continue;
-        } catch (const Error& error) {  // the edge's broker is away: as it was said last
-          if (error.code() == ErrorCode::kCorrupt) throw;
+        } catch (const Error&) {  // the edge's broker is away: as it was said last
         }
       words.push_back(last_word(*board, program.user, now));
     }
@@ -224,7 +273,7 @@ Json look_at_deployment(const Arguments& arguments) {
   const auto after = look();
   Json programs = Json::array();
   for (std::size_t i = 0; i < programs_there.size(); ++i)
-    programs.push_back(look_at_program(programs_there[i].user, before[i], after[i], deployment.live().patience_s));
+    programs.push_back(seen_and_described(programs_there[i].user, before[i], after[i], deployment.live().patience_s));
   return {{"broker", deployment.live().broker_url()},
           {"broker_ahead_seconds", std::chrono::duration<double>(ahead).count()},
           {"programs", std::move(programs)}};
@@ -259,13 +308,10 @@ Action set_up_doctor(CLI::App& verb) {
       std::cout << found.dump(2) << "\n";
     } else {
       std::cout << "mapweave " << runtime::program_version() << " on this machine\n";
-      show(found["here"]);
+      std::cout << in_lines(found["here"]);
       if (found.contains("deployment"))
         std::cout << "broker " << found["deployment"].value("broker", "") << ": answers\n";
-      for (const Json& seen : programs) {
-        std::cout << in_words(seen) << "\n";
-        show(seen["findings"]);
-      }
+      for (const Json& seen : programs) std::cout << seen["text"].get<std::string>();
       std::cout << (is_healthy ? "nothing is wrong\n" : "something needs help\n");
     }
     return is_healthy ? ExitCode::done : ExitCode::gate_failed;

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <utility>
 
 namespace mapweave::app {
@@ -9,9 +10,10 @@ namespace {
 
 constexpr std::chrono::seconds kToConnect{20};
 
-transport::BrokerOptions broker_in(const std::filesystem::path& store) {
+transport::BrokerOptions broker_in(const std::filesystem::path& store, std::uint64_t store_bytes) {
   transport::BrokerOptions options;
   options.folder = store / "broker";
+  options.most_store_bytes = std::max(options.most_store_bytes, store_bytes);
   return options;
 }
 
@@ -20,7 +22,7 @@ transport::BrokerOptions broker_in(const std::filesystem::path& store) {
 LocalTeam::LocalTeam(runtime::RunConfiguration configuration, runtime::RunPlan plan, const std::filesystem::path& store,
                      const runtime::RunSettings& results, Progress& progress,
                      const std::function<bool(const RobotId&)>& has_log)
-    : broker_(broker_in(store)),
+    : broker_(broker_in(store, runtime::store_bytes(configuration, plan))),
       configuration_(std::move(configuration)),
       plan_(std::move(plan)),
       merging_(available_processors()) {

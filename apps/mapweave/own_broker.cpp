@@ -1,5 +1,6 @@
 #include "own_broker.h"
 
+#include <mapweave/runtime/nats_wires.h>
 #include <mapweave/transport/nats_connection.h>
 
 #include <algorithm>
@@ -41,12 +42,13 @@ bool is_installed() {
 
 }  // namespace
 
-OwnBroker::OwnBroker(const runtime::RunConfiguration& configuration, Progress& progress) {
+OwnBroker::OwnBroker(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan, Progress& progress) {
   if (is_named(configuration) || answers(configuration.live.broker_url()) || !is_installed()) return;
   folder_ = std::filesystem::path(configuration.live.store) / "broker";
   transport::BrokerOptions options;
   options.folder = folder_;
   options.port = runtime::LiveOptions::kBrokerPort;
+  options.most_store_bytes = std::max(options.most_store_bytes, runtime::store_bytes(configuration, plan));
   broker_.emplace(std::move(options));
   progress.say("the configuration names no broker: one of this program's own listens at " + broker_->url() +
                ", for programs of this machine");

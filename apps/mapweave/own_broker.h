@@ -15,7 +15,7 @@ class OwnBroker {
   // Starts none where the configuration names a broker, where one answers already, or where there is no nats-server:
   // then it is said who does not answer, as for every other broker. Its streams lie below live.store, and are there
   // again after a kill. Throws Error as transport::Broker.
-  OwnBroker(const runtime::RunConfiguration& configuration, Progress& progress);
+  OwnBroker(const runtime::RunConfiguration& configuration, const runtime::RunPlan& plan, Progress& progress);
   ~OwnBroker();
   OwnBroker(const OwnBroker&) = delete;
   OwnBroker& operator=(const OwnBroker&) = delete;

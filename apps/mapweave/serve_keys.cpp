@@ -11,6 +11,7 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <iostream>
 #include <set>
 
@@ -103,6 +104,7 @@ ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments)
     return all;
   };
   transport::BrokerOptions hub = broker_in(folder, authority, arguments.hosts, arguments.port);
+  hub.most_store_bytes = std::max(hub.most_store_bytes, runtime::store_bytes(configuration, deployment.plan));
   hub.users = give_passwords(runtime::users_of(configuration, deployment.plan));
   std::string leaves;
   for (const TierId& id : deployment.plan.edges) {
@@ -119,6 +121,7 @@ ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments)
     transport::BrokerOptions leaf = broker_in(own, authority, {host}, port);
     write_file(own / "authority.pem", authority.certificate);
     leaf.hub_ca = "authority.pem";
+    leaf.most_store_bytes = hub.most_store_bytes;
     leaf.domain = runtime::domain_of(edge);
     leaf.hubs = {"tls://leaf:" + hub.leaf_user->password + "@" + arguments.hosts.front() + ":" +
                  std::to_string(arguments.leaf_port)};

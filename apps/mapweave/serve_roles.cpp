@@ -279,7 +279,7 @@ ExitCode serve_cloud(const RoleArguments& arguments, RoleExtension& extension) {
   WorkerPool pool(threads_of(arguments.flags));
   const auto progress = make_terminal_progress();
   extension.begin(deployment, runtime::cloud_tier().str(), signals);
-  OwnBroker own_broker(deployment.loaded.configuration, *progress);
+  OwnBroker own_broker(deployment.loaded.configuration, deployment.plan, *progress);
   const std::unique_ptr<runtime::Wires> wires = extension.wires(deployment, std::nullopt);
   const auto journal = journal_in(deployment.live(), runtime::cloud_tier().str());
   std::optional<runtime::Report> report;

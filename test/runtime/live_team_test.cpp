@@ -404,6 +404,9 @@ TEST_F(LiveTeam, knows_its_configuration_before_it_starts) {
   RunConfiguration on_board = configuration;
   on_board.mode = Mode::onboard;
   EXPECT_NO_THROW(expect_live(on_board, plan));
+  on_board.cloud.push_to = {"alpha"};
+  EXPECT_THAT(refusal_of(on_board, plan), testing::HasSubstr("cloud.push_to"));
+  on_board.cloud.push_to.clear();
   on_board.mode = Mode::cloud_only;
   EXPECT_THROW(expect_live(on_board, plan), Error);
   RunConfiguration sharing = configuration;

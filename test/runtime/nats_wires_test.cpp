@@ -39,5 +39,50 @@ TEST_F(NatsWiresTest, are_listened_to_before_who_opens_them_comes) {
   EXPECT_EQ(came.front().envelope.bytes, "a scan");
 }
 
+// A broker sets aside for each stream what it may hold, and refuses the last ones where its store has no room.
+TEST_F(NatsWiresTest, of_many_edges_and_cameras_find_room_in_a_store_of_the_size_they_ask_for) {
+  RunConfiguration configuration;
+  RunPlan plan;
+  configuration.server.share = tiers::Sharing::view;
+  for (int i = 0; i < 12; ++i) plan.edges.emplace_back("e" + std::to_string(i));
+  for (int i = 0; i < 40; ++i) configuration.robots.emplace_back();
+  transport::BrokerOptions small = options("small"), large = options("large");
+  small.most_store_bytes = store_bytes(configuration, plan) / 2;
+  large.most_store_bytes = store_bytes(configuration, plan);
+  const auto troubles = [&](const transport::BrokerOptions& of) {
+    const transport::Broker broker(of);
+    configuration.live.broker = broker.url();
+    const NatsWires wires(configuration, 20s);
+    std::vector<std::shared_ptr<transport::Channel>> all;
+    for (const TierId& edge : plan.edges) {
+      all.push_back(wires.at_edge(RobotId("alpha"), edge)());
+      all.push_back(wires.at_cloud(edge)());
+      all.push_back(wires.at_camera_map_server(RobotId("alpha"), 0, edge)());
+    }
+    all.push_back(wires.at_worker("one")());
+    const auto connection = connect(broker);
+    const auto is_made = [&](const std::string& name) {
+      transport::StreamOptions one;
+      one.name = name;
+      return transport::NatsStream(connection, one).state(10s).has_value();
+    };
+    std::set<std::string> found;
+    EXPECT_TRUE(soon([&] {
+      bool is_settled = true;
+      for (const auto& channel : all) {
+        const auto health = channel->health();
+        if (!health.trouble.empty()) found.insert(health.trouble);
+      }
+      for (const TierId& edge : plan.edges)
+        for (const char* wire : {"edge_", "cloud_", "cameras_"})
+          is_settled = is_settled && is_made(wire + edge.str() + "_up_0") && is_made(wire + edge.str() + "_down_0");
+      return !found.empty() || (is_settled && is_made("work_down_0"));
+    }));
+    return found;
+  };
+  EXPECT_THAT(troubles(large), testing::IsEmpty());
+  EXPECT_THAT(troubles(small), testing::Contains(testing::HasSubstr("insufficient storage")));
+}
+
 }  // namespace
 }  // namespace mapweave::runtime

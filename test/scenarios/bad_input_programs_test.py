@@ -75,6 +75,29 @@ class Programs(bad_input_broker_test.OfTwoRobots):
         self.assertIn("give all programs the same version", found)
         self.end_all(programs)
 
+    def test_doctor_says_whose_words_cannot_be_read(self):
+        programs = self.begin(self.broker)
+        stranger = bad_input_broker_test.Stranger(self.broker)
+        self.addCleanup(stranger.close)
+        stranger.subscribe("mw.status.robot-alpha")
+        for subject, payload in stranger.messages():
+            status = json.loads(payload)
+            break
+        tier = status["tiers"][0]
+        with held(programs["alpha"]):   # it says nothing itself
+            for word in (b"{", b'{"tiers": [], "said_at_ns": 1e300}', {"findings": [7]}, {"links": {"a": "b"}}, {"links": [{"name": 5}]}, {"state": {}}):
+                stranger.publish(subject, word if isinstance(word, bytes) else json.dumps({**status, "tiers": [{**tier, **word}]}).encode())
+                time.sleep(0.2)
+                found = self.doctor()
+                self.assertIn("robot-alpha: what it says of itself cannot be read", found, word)
+                self.assertIn("edge-north: said something", found, "of the others all is said")
+            stranger.publish(subject, json.dumps({**status, "tiers": [{**tier, "state": "\x1b[2Jdriving"}]}).encode())
+            time.sleep(0.2)
+            found = self.doctor()
+            self.assertIn("?[2Jdriving", found, "a terminal shows it as it is")
+            self.assertRegex(found, r"edge north: (not )?on the wire")
+        self.end_all(programs)
+
     def test_the_second_robot_of_a_name_is_refused(self):
         programs = self.begin(self.broker)
         self.wait_for(lambda: self.metric("link_taken_total") > 0, "a robot drives")

@@ -15,6 +15,7 @@ Hash agreement_of(RunConfiguration configuration) {
   configuration.live = {};
   configuration.reading.follow = false;
   configuration.visual.vocabulary.clear();  // a path
+  configuration.maps.clear();               // paths on the cloud's machine
   return Hasher().add(program_version()).add(to_yaml(configuration)).finish();
 }
 
@@ -35,8 +36,14 @@ void expect_live(const RunConfiguration& configuration, const RunPlan& plan) {
       refuse("cameras of robots that are programs of their own share within their edge alone, and these have " +
                  std::to_string(edges.size()) + " edges",
              "server.across_edges", "set across_edges: false, or give all robots one edge");
+    if (!configuration.maps.empty())
+      refuse("cameras that share while they drive do not know maps of sessions before", "maps",
+             "leave them out, or set server.share: none; mapweave merge joins the maps afterwards");
     expect_one_rig(configuration, plan);
   }
+  if (!configuration.cloud.push_to.empty())
+    refuse("a deployment sends robots no maps", "cloud.push_to",
+           "leave it out; the next deployment begins with the map that its `maps` names");
   if (configuration.coordinator.method)
     for (const EdgeEntry& edge : configuration.edges)
       if (!edge.broker.empty())

@@ -278,7 +278,11 @@ LiveCloudCounts LiveCloud::counts() const {
   const std::lock_guard lock(state.mutex);
   LiveCloudCounts counts = state.counts;
   counts.plan = state.newest_plan.number;
-  for (const State::Link& link : state.links) add_counts(link.wire->counts(), counts);
+  for (const State::Link& link : state.links) {
+    add_counts(link.wire->counts(), counts);
+    if (link.edge == nullptr) counts.wire_troubles.insert(link.wire->health().trouble);
+  }
+  counts.wire_troubles.erase("");
   if (counts.trouble.empty()) counts.trouble = state.saver->trouble();
   for (const auto& [name, edge] : state.edges) {
     LiveCloudCounts::EdgeCounts& one = counts.edges.emplace_back();

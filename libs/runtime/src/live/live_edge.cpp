@@ -369,7 +369,11 @@ LiveEdgeCounts LiveEdge::counts() const {
   counts.waiting_bytes = state.cloud->waiting_bytes();
   counts.is_cloud_on_wire = state.cloud->is_open() && state.cloud->is_welcome();
   if (state.cloud->other()) counts.cloud_silent_s = state.cloud->silent_s(Clock::now());
-  for (const State::Link& link : state.links) add_counts(link.wire->counts(), counts);
+  for (const State::Link& link : state.links) {
+    add_counts(link.wire->counts(), counts);
+    if (link.robot == nullptr) counts.wire_troubles.insert(link.wire->health().trouble);
+  }
+  counts.wire_troubles.erase("");
   if (counts.trouble.empty() && state.saver) counts.trouble = state.saver->trouble();
   for (const auto& [name, robot] : state.robots) {
     if (!robot.is_member && !robot.session) continue;

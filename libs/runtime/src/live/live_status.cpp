@@ -165,7 +165,10 @@ void add_sharing(Json& tier, const LiveRobotCounts::Sharing& sharing, const std:
          "they map alone, and share again once it answers");
 }
 
-void find_trouble(Json& tier, const std::string& trouble) {
+void find_trouble(Json& tier, const std::string& trouble, const std::set<std::string>& of_wires) {
+  for (const std::string& wire : of_wires)
+    find(tier, "warning", "a wire on which nobody has come: " + wire,
+         "it tries again by itself; look at the broker where this stays");
   if (!trouble.empty()) find(tier, "error", trouble, "start it again once the cause is gone: it goes on where it was");
 }
 
@@ -193,7 +196,7 @@ Json tier_status(const LiveCloudCounts& counts, const StatusTerms& terms) {
                                    {{"taken", edge.taken}, {"stored", edge.stored}, {"begun", edge.runs}}));
     add_wire(status, edge.wire, terms);
   }
-  find_trouble(status, counts.trouble);
+  find_trouble(status, counts.trouble, counts.wire_troubles);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);
   return status;
@@ -229,7 +232,7 @@ Json tier_status(const TierId& edge, const LiveEdgeCounts& counts, const StatusT
   status["links"].push_back(link("cloud", "cloud", counts.is_cloud_on_wire, !counts.is_done, counts.cloud_silent_s,
                                  measured(counts.bytes_per_s)));
   add_wire(status, counts.cloud_wire, terms);
-  find_trouble(status, counts.trouble);
+  find_trouble(status, counts.trouble, counts.wire_troubles);
   if (counts.cameras) add_cameras(status, *counts.cameras);
   find_missing(status, terms);
   find_refused(status, counts.refused, counts.unreadable);

@@ -11,8 +11,12 @@
 namespace mapweave::runtime {
 namespace {
 
-constexpr std::uint64_t kCameraStream = std::uint64_t{128} << 20;  // bytes
-constexpr int kCameraClasses = 2;                                  // see with_cameras()
+// A broker sets aside what its streams may hold, so that many edges find room in small stores. In bytes.
+constexpr std::uint64_t kCameraStream = std::uint64_t{128} << 20, kMapStream = 4 * kLongestOfMaps,
+                        kLeastRobotStream = std::uint64_t{256} << 20, kMostRobotStream = std::uint64_t{1} << 30,
+                        kWorkStream = std::uint64_t{1} << 30, kBoards = std::uint64_t{512} << 20;
+constexpr std::size_t kRobotInFlight = std::size_t{16} << 20;
+constexpr int kCameraClasses = 2;  // see with_cameras()
 
 // Names of streams have no dots.
 std::string stream_name(const std::string& name) {
@@ -39,6 +43,7 @@ transport::NatsChannelOptions options_of(const std::string& wire, const std::str
   transport::NatsChannelOptions options;
   options.peer = peer;
   options.side = side;
+  options.limits.bytes = kRobotInFlight;
   options.out = {wire + "_up", {}};
   options.in = {wire + "_down", {}};
   options.makes_streams = side == transport::NatsChannelSide::accepts;
@@ -56,11 +61,21 @@ transport::NatsChannelOptions across_brokers(transport::NatsChannelOptions optio
   return options;
 }
 
+// Of the wires of an edge's robots, all of which may have as much in flight as they can.
+std::uint64_t robot_stream(const RunConfiguration& configuration) {
+  return std::clamp<std::uint64_t>(2 * kRobotInFlight * configuration.robots.size(), kLeastRobotStream,
+                                   kMostRobotStream);
+}
+
+transport::NatsChannelOptions in_streams_of(std::uint64_t bytes, transport::NatsChannelOptions options) {
+  options.out.stream_bytes = options.in.stream_bytes = bytes;
+  return options;
+}
+
 transport::NatsChannelOptions with_cameras(transport::NatsChannelOptions options, std::size_t queue_bytes) {
   options.priorities = urgent_of_cameras();
-  options.out.stream_bytes = options.in.stream_bytes = kCameraStream;
   options.limits.bytes = queue_bytes;
-  return options;
+  return in_streams_of(kCameraStream, std::move(options));
 }
 
 transport::NatsChannelOptions with_maps(transport::NatsChannelOptions options) {
@@ -157,6 +172,11 @@ std::string maps_word_of(const TierId& edge) { return "maps-" + edge.str(); }
 
 std::string domain_of(const EdgeEntry& edge) { return edge.broker.empty() ? "" : "edge_" + stream_name(edge.id); }
 
+std::uint64_t store_bytes(const RunConfiguration& configuration, const RunPlan& plan) {
+  const std::uint64_t cameras = shares_cameras(configuration) ? 2 * kCameraClasses * kCameraStream : 0;
+  return plan.edges.size() * (2 * robot_stream(configuration) + 2 * kMapStream + cameras) + 2 * kWorkStream + kBoards;
+}
+
 std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuration, const RunPlan& plan,
                                             const std::optional<TierId>& at_broker_of) {
   using Side = transport::NatsChannelSide;
@@ -205,6 +225,7 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
 
 NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& live, std::chrono::milliseconds patience)
     : camera_queue_bytes_(static_cast<std::size_t>(live.camera_map_server.queue_kb) << 10),
+      robot_stream_(robot_stream(configuration)),
       edges_(configuration.edges) {
   transport::NatsOptions options;
   const std::string broker = live.broker_url();
@@ -233,10 +254,13 @@ NatsWires::NatsWires(const RunConfiguration& configuration, const LiveOptions& l
 }
 
 Connect NatsWires::from_robot(const RobotId& robot, const TierId& edge) const {
-  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::opens));
+  return of_robot(robot, edge, transport::NatsChannelSide::opens);
 }
 Connect NatsWires::at_edge(const RobotId& robot, const TierId& edge) const {
-  return connect(connection_, options_of(of_edge(edge), robot.str(), transport::NatsChannelSide::accepts));
+  return of_robot(robot, edge, transport::NatsChannelSide::accepts);
+}
+Connect NatsWires::of_robot(const RobotId& robot, const TierId& edge, transport::NatsChannelSide side) const {
+  return connect(connection_, in_streams_of(robot_stream_, options_of(of_edge(edge), robot.str(), side)));
 }
 Connect NatsWires::from_camera(const RobotId& robot, int number, const TierId& edge) const {
   return of_camera(robot, number, edge, transport::NatsChannelSide::opens);
@@ -256,7 +280,8 @@ Connect NatsWires::at_cloud(const TierId& edge) const {
   return between_tiers(edge, transport::NatsChannelSide::accepts);
 }
 Connect NatsWires::between_tiers(const TierId& edge, transport::NatsChannelSide side) const {
-  return connect(connection_, with_maps(across_brokers(options_of(of_cloud(edge), edge.str(), side), domain_at(edge))));
+  auto options = with_maps(across_brokers(options_of(of_cloud(edge), edge.str(), side), domain_at(edge)));
+  return connect(connection_, in_streams_of(kMapStream, std::move(options)));
 }
 std::string NatsWires::domain_at(const TierId& edge) const {
   for (const EdgeEntry& entry : edges_)
@@ -269,10 +294,13 @@ std::shared_ptr<transport::Board> NatsWires::board() const {
 }
 transport::NatsBoard NatsWires::board_of_workers() const { return {connection_, kWorkers}; }
 Connect NatsWires::to_worker(const std::string& worker) const {
-  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::opens)));
+  return of_work(worker, transport::NatsChannelSide::opens);
 }
 Connect NatsWires::at_worker(const std::string& worker) const {
-  return connect(connection_, with_maps(options_of(kWork, worker, transport::NatsChannelSide::accepts)));
+  return of_work(worker, transport::NatsChannelSide::accepts);
+}
+Connect NatsWires::of_work(const std::string& worker, transport::NatsChannelSide side) const {
+  return connect(connection_, in_streams_of(kWorkStream, with_maps(options_of(kWork, worker, side))));
 }
 std::optional<transport::NatsBoard> NatsWires::board_of(const TierId& edge) const {
   const std::string domain = domain_at(edge);

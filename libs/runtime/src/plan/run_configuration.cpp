@@ -256,7 +256,8 @@ std::shared_ptr<const RunConfiguration> own_configuration(const RunConfiguration
 }
 
 // By their full paths; reading them says what else is wrong.
-std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configuration, const Origins& origins) {
+std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configuration, const Origins& origins,
+                                                 LogsAre logs) {
   std::vector<std::filesystem::path> paths;
   for (std::size_t i = 0; i < configuration.maps.size(); ++i) {
     const std::filesystem::path given = configuration.maps[i];
@@ -265,7 +266,7 @@ std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configu
     const std::filesystem::path folder = origins.file_of(map_key).parent_path();
     paths.push_back(std::filesystem::absolute(folder / given).lexically_normal());
     std::error_code ignored;
-    if (given.empty() || !std::filesystem::exists(paths.back(), ignored))
+    if (given.empty() || (logs == LogsAre::here && !std::filesystem::exists(paths.back(), ignored)))
       throw Error(
           ErrorCode::kMissing, "there is no map " + paths.back().string(), where,
           given.is_absolute() || folder.empty() ? "check its path" : "paths are relative to the configuration file");
@@ -274,8 +275,8 @@ std::vector<std::filesystem::path> start_maps_of(const RunConfiguration& configu
 }
 
 // And says now what is wrong with the frame; of a run that begins with maps, these have names too.
-void take_start_maps(const RunConfiguration& configuration, const Origins& origins, RunPlan& plan) {
-  plan.maps = start_maps_of(configuration, origins);
+void take_start_maps(const RunConfiguration& configuration, const Origins& origins, LogsAre logs, RunPlan& plan) {
+  plan.maps = start_maps_of(configuration, origins, logs);
   if (plan.maps.empty())
     parse_frame(configuration.team.frame, names_with_parts(plan),
                 {ErrorCode::kBadInput, origins.place_of("team.frame")});
@@ -354,7 +355,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins,
   plan.network = network_of(configuration.network, plan, origins);
   expect_tiers(configuration, plan, origins);
   plan.refused = refused_robots(configuration.team.refuse, plan.robots, origins);
-  take_start_maps(configuration, origins, plan);
+  take_start_maps(configuration, origins, logs, plan);
   if (is_coordinated && !configuration.coordinator.model.empty()) {
     const std::string where = "coordinator.model";
     plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model)

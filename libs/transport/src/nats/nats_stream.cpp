@@ -113,7 +113,14 @@ bool NatsStream::ensure(milliseconds patience) {
     if (error_code_of(updated) != 0) throw_refused(*connection_, "to change stream '" + options_.name + "'", updated);
     return is_another;
   }
-  const Json made = ask("CREATE", wanted);
+  Json made;
+  try {
+    made = ask("CREATE", wanted);
+  } catch (const BrokerAway&) {  // who may not make it gets no answer
+    throw BrokerAway("stream '" + options_.name + "' is not there, and the broker does not answer who would make it",
+                     connection_->state().server,
+                     "its other end makes it once it runs; what that one says, too, where the broker refuses it");
+  }
   if (error_code_of(made) == kNameInUse && patience > kPause) {  // another makes it
     std::this_thread::sleep_for(kPause);
     return ensure(patience - kPause);

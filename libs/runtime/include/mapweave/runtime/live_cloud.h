@@ -26,8 +26,9 @@ struct LiveCloudCounts {
   std::size_t maps = 0;                   // number of maps in the last preview
   std::map<RobotId, Stamp> newest_scans;  // newest scan of each robot in the last preview
   bool is_sealing = false, is_done = false;
-  std::string trouble;     // why the cloud cannot store or go on; empty: it can
-  std::uint64_t plan = 0;  // number of the plan that it follows
+  std::string trouble;                  // why the cloud cannot store or go on; empty: it can
+  std::set<std::string> wire_troubles;  // what holds up wires on which no edge has come
+  std::uint64_t plan = 0;               // number of the plan that it follows
 };
 
 // All calls are thread-safe.

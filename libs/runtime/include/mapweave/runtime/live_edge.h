@@ -49,6 +49,7 @@ struct LiveEdgeCounts {
   std::optional<double> cloud_silent_s;     // time since the cloud's last message; none: it sent none
   bool is_fused = false, is_done = false;   // its map holds all its robots; the cloud has written the team's map
   std::string trouble;                      // why the edge cannot store or go on; empty: it can
+  std::set<std::string> wire_troubles;      // what holds up wires on which no robot has come
   std::uint64_t plan = 0;                   // number of the plan that it follows
   double mapping_s = 0.0;                   // wall time spent mapping scans of all robots
   std::optional<double> bytes_per_s;        // what the link to the cloud carried when last measured

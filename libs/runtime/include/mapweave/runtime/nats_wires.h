@@ -19,6 +19,10 @@ namespace mapweave::runtime {
 std::string domain_of(const EdgeEntry& edge);
 constexpr char kHubDomain[] = "cloud";  // domain of live.broker where edges have their own brokers
 
+// What the streams of a deployment with these edges may hold together at one broker, which refuses to make the last
+// ones where its store is smaller.
+std::uint64_t store_bytes(const RunConfiguration& configuration, const RunPlan& plan);
+
 class NatsWires : public Wires {
  public:
   // Of a robot or an edge: over the edge's broker.
@@ -54,10 +58,13 @@ class NatsWires : public Wires {
   std::string domain_at(const TierId& edge) const;
   Connect between_tiers(const TierId& edge, transport::NatsChannelSide side) const;
 
+  Connect of_robot(const RobotId& robot, const TierId& edge, transport::NatsChannelSide side) const;
   Connect of_camera(const RobotId& robot, int number, const TierId& edge, transport::NatsChannelSide side) const;
+  Connect of_work(const std::string& worker, transport::NatsChannelSide side) const;
 
   std::shared_ptr<transport::NatsConnection> connection_;
   std::size_t camera_queue_bytes_ = 0;
+  std::uint64_t robot_stream_ = 0;
   std::vector<EdgeEntry> edges_;
 };
 

@@ -380,8 +380,8 @@ TierId cloud_tier();
 // the file: kBadInput for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that
 // cannot hold all robots, a wire between two that are none, a frame of no robot (where the run begins with maps,
 // frames are looked for later), several edges of a robot where a coordinator chooses or where robots map themselves,
-// robots to be refused that are none or one; kMissing for a robot without a log, a log (unless robots have them), a
-// map, a trace or a model that is not there.
+// robots to be refused that are none or one; kMissing for a robot without a log, and for a log, a map (unless programs
+// on other machines have them), a trace or a model that is not there.
 enum class LogsAre { here, with_robots };
 RunPlan make_plan(const RunConfiguration&, const Origins&, LogsAre logs = LogsAre::here);
 
