@@ -88,6 +88,12 @@ transport::BrokerOptions broker_in(const fs::path& folder, const transport::Cert
   return options;
 }
 
+std::string password_of(const std::vector<transport::BrokerUser>& users, const std::string& name) {
+  const auto user = std::find_if(users.begin(), users.end(), [&](const auto& one) { return one.name == name; });
+  MAPWEAVE_EXPECT(user != users.end(), "the broker knows an edge's own one");
+  return user->password;
+}
+
 }  // namespace
 
 ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments) {
@@ -110,12 +116,9 @@ ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments)
   for (const TierId& id : deployment.plan.edges) {
     const runtime::EdgeEntry edge = runtime::edge_entry(configuration, id);
     if (edge.broker.empty()) continue;
-    if (!hub.leaf_user) {
-      hub.domain = runtime::kHubDomain;
-      hub.leaf_port = arguments.leaf_port;
-      hub.leaf_user = transport::BrokerUser{"leaf", "", {}, {}};
-      give_password(*hub.leaf_user, folder, authority);
-    }
+    hub.domain = runtime::kHubDomain;
+    hub.leaf_port = arguments.leaf_port;
+    const std::string name = runtime::leaf_user_of(id), password = password_of(hub.users, name);
     const auto [host, port] = address_of(edge);
     const fs::path own = folder / ("broker-of-" + id.str());
     transport::BrokerOptions leaf = broker_in(own, authority, {host}, port);
@@ -123,7 +126,7 @@ ExitCode make_keys(const Deployment& deployment, const KeysArguments& arguments)
     leaf.hub_ca = "authority.pem";
     leaf.most_store_bytes = hub.most_store_bytes;
     leaf.domain = runtime::domain_of(edge);
-    leaf.hubs = {"tls://leaf:" + hub.leaf_user->password + "@" + arguments.hosts.front() + ":" +
+    leaf.hubs = {"tls://" + name + ":" + password + "@" + arguments.hosts.front() + ":" +
                  std::to_string(arguments.leaf_port)};
     leaf.users = give_passwords(runtime::users_of(configuration, deployment.plan, id));
     write_file(own / "broker.conf", transport::broker_configuration(leaf));

@@ -113,7 +113,7 @@ class ServeKeys(serve_test.WithBroker):
         run = self.folder / "logs/run.yaml"
         run.write_text(run.read_text() + f"edges: [{{id: north, broker: 'nats://127.0.0.1:{leaf}'}}, {{id: south}}]\n")
         made = self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", hub, "--leaf-port", leaves, "--out", "keys")
-        self.assertIn("8 users: ", made.stdout)
+        self.assertIn("9 users: ", made.stdout)
         self.assertIn("broker of edge north: copy broker-of-north to 127.0.0.1", made.stdout)
         talk = ["--set", f"live.broker=nats://127.0.0.1:{hub}", "--set", "live.speed=0"]
 
@@ -137,6 +137,12 @@ class ServeKeys(serve_test.WithBroker):
         self.assertTrue(found["is_healthy"], found)
         self.assertEqual([program["program"] for program in found["deployment"]["programs"] if program["silent_seconds"] is None], [],
                          "alpha had ended before the cloud's broker began")
+        leaf = Broker(hub, self.read_json("keys/leaf-north.keys"))   # who has taken it over
+        self.assertNotIn("Violation", leaf.answer("PUB $JS.ACK.cloud_north_down_0.north.1 1\r\nx"))
+        for subject in ("mw.cloud_south_up.0.south", "mw.edge_south_up.0.beta", "mw.status.edge-south", "$JS.ACK.cloud_south_down_0.south.1", "$JS.cloud.API.STREAM.DELETE.cloud_south_up_0"):
+            self.assertIn("Permissions Violation for Publish", leaf.answer(f"PUB {subject} 1\r\nx"), subject)
+        for subject in ("mw.>", "_INBOX_cloud.>", "_INBOX_edge-south.>"):
+            self.assertIn("Permissions Violation for Subscription", leaf.answer(f"SUB {subject} 1"), subject)
 
     def test_a_coordinator_with_keys_gives_robots_to_edges(self):
         self.mapweave("simulate", self.write("world.yaml", WORLD), "--out", "logs")

@@ -199,12 +199,16 @@ TEST_F(NatsStreamTest, of_an_edge_is_read_by_the_hubs_program_also_after_an_outa
   auto hub_options = options("hub"), edge_options = options("edge");
   hub_options.domain = "hub";
   hub_options.leaf_port = 0;
-  hub_options.leaf_user = BrokerUser{"edge", "secret", {}, {}};
+  hub_options.users = {{"cloud", "word", {}, {}},
+                       {"edge", "secret", {"_INBOX.>"}, {"$JS.north.API.>", "$JS.ACK.north.>"}}};
   Broker hub(hub_options);
+  NatsOptions as_cloud;
+  as_cloud.user = "cloud";
+  as_cloud.password = "word";
   edge_options.domain = "north";
-  edge_options.hubs = {hub.leaf_url()};
+  edge_options.hubs = {"nats-leaf://edge:secret@" + hub.leaf_url().substr(std::string("nats-leaf://").size())};
   Broker edge(edge_options);
-  const auto at_edge = connect(edge), at_hub = connect(hub);
+  const auto at_edge = connect(edge), at_hub = connect(hub, as_cloud);
   NatsStream stream(at_edge, stream_named("north"));
   stream.ensure(10s);
   EXPECT_EQ(stream.publish("mw.north.alpha", "one", "1", 10s).outcome, Outcome::stored);
@@ -227,6 +231,23 @@ TEST_F(NatsStreamTest, of_an_edge_is_read_by_the_hubs_program_also_after_an_outa
   }));
   EXPECT_THAT(reader.take(1), ElementsAre("two"));
   EXPECT_EQ(stream.state(10s)->messages, 2U) << "stored once";
+
+  // What its user may not say does not get from the edge's broker to the hub's.
+  std::vector<std::string> came;
+  std::mutex mutex;
+  const auto inbox = at_hub->open_inbox(
+      [&](const NatsMessage& message) {
+        const std::lock_guard lock(mutex);
+        came.emplace_back(message.bytes);
+      },
+      InboxKind::answers);
+  const auto number = [&] {
+    const std::lock_guard lock(mutex);
+    return came.size();
+  };
+  ASSERT_TRUE(soon([&] { return at_edge->publish(inbox->subject(), "answer") && number() > 0; }));
+  const auto answer = at_edge->request("$JS.hub.API.INFO", "", 1s);
+  EXPECT_TRUE(!answer || answer->status == 503) << "the edge's user may not ask the hub's JetStream";
 }
 
 using NatsBoardTest = WithBroker;

@@ -166,7 +166,24 @@ void allow_coordinated(std::vector<transport::BrokerUser>& users, const RunPlan&
   users.push_back(std::move(coordinator));
 }
 
+// What the own broker of an edge, a leaf node, says to live.broker and gets from there: the edge's wire to the cloud,
+// and answers to the cloud and the doctor. Whoever takes it over speaks for this edge alone.
+transport::BrokerUser leaf_user(const TierId& edge, const std::string& domain) {
+  transport::BrokerUser at_hub, leaf{leaf_user_of(edge), "", {}, {}};
+  const std::string wire = of_cloud(edge), name = transport::nats_token(edge.str()), inbox = ".>";
+  allow(at_hub, wire, name, transport::NatsChannelSide::opens, kHubDomain);
+  for (const std::string& subject : at_hub.may_publish)
+    for (const std::string& start : {std::string("$JS.") + kHubDomain + ".API.", std::string("$JS.ACK.")})
+      if (subject.rfind(start, 0) == 0) leaf.may_publish.push_back(subject);
+  for (const char* user : {"cloud", "doctor"}) leaf.may_publish.push_back(inbox_of(user) + inbox);
+  leaf.may_receive = {"$JS." + domain + ".API.>", "$JS.ACK." + wire + "_up_0." + name + ".>",
+                      inbox_of("edge-" + edge.str()) + inbox};
+  return leaf;
+}
+
 }  // namespace
+
+std::string leaf_user_of(const TierId& edge) { return "leaf-" + edge.str(); }
 
 std::string maps_word_of(const TierId& edge) { return "maps-" + edge.str(); }
 
@@ -189,6 +206,7 @@ std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuratio
   for (const TierId& edge : plan.edges) {
     const std::string domain = domain_of(edge_entry(configuration, edge));
     allow(cloud, of_cloud(edge), "*", Side::accepts, domain);
+    if (!domain.empty() && !at_broker_of) users.push_back(leaf_user(edge, domain));
     for (const char* what : {"INFO", "MSG.GET"})
       if (!domain.empty()) doctor.may_publish.push_back("$JS." + domain + ".API.STREAM." + what + "." + kBoard);
     if (!is_here(edge)) continue;

@@ -73,9 +73,6 @@ Json configuration_of(const BrokerOptions& options, int port, int leaf_port) {
   if (!options.certificate.empty()) all["tls"] = tls_of(options);
   if (options.leaf_port) {
     all["leafnodes"]["listen"] = options.host + ":" + std::to_string(leaf_port);
-    if (options.leaf_user)
-      all["leafnodes"]["authorization"] = {{"user", options.leaf_user->name},
-                                           {"password", options.leaf_user->password}};
     if (!options.certificate.empty()) all["leafnodes"]["tls"] = tls_of(options);
   }
   for (const std::string& hub : options.hubs) {
@@ -290,9 +287,7 @@ std::string Broker::url() const {
 
 std::string Broker::leaf_url() const {
   MAPWEAVE_EXPECT(state_->options.leaf_port, "this server takes no leaf nodes");
-  const auto& user = state_->options.leaf_user;
-  return "nats-leaf://" + (user ? user->name + ":" + user->password + "@" : std::string()) + state_->options.host +
-         ":" + std::to_string(state_->leaf_port);
+  return "nats-leaf://" + state_->options.host + ":" + std::to_string(state_->leaf_port);
 }
 
 int Broker::process() const { return state_->child; }

@@ -25,9 +25,11 @@ std::string encode(const ProgramKeys& keys);
 ProgramKeys read_program_keys(const std::filesystem::path& file);
 
 // "robot-alpha", "edge-north", "cloud", "doctor", without passwords: of live.broker, or of the own broker of an edge;
-// with a coordinator, which may give any robot to any edge, "coordinator", too.
+// with a coordinator, which may give any robot to any edge, "coordinator", too. Of live.broker also leaf_user_of()
+// edges with brokers of their own.
 std::vector<transport::BrokerUser> users_of(const RunConfiguration& configuration, const RunPlan& plan,
                                             const std::optional<TierId>& at_broker_of = {});
+std::string leaf_user_of(const TierId& edge);
 // Under which name an edge says to the coordinator what its maps show, beside its own.
 std::string maps_word_of(const TierId& edge);
 // What the subjects begin with on which a user receives answers, and nobody else.

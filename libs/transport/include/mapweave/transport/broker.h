@@ -29,8 +29,7 @@ struct BrokerOptions {
   std::uint32_t most_message_bytes = std::uint32_t{1} << 20;
   std::optional<int> leaf_port;                // where edges' servers connect; 0: a free one; nullopt: none may
   std::vector<std::string> hubs;               // leaf_url() of servers that it connects to, and for ever again
-  std::vector<BrokerUser> users;               // empty: who can reach the port may do everything
-  std::optional<BrokerUser> leaf_user;         // that edges' servers must be; its subjects are not used
+  std::vector<BrokerUser> users;               // also edges' servers; empty: who reaches the port may do everything
   std::filesystem::path ca, certificate, key;  // PEM files; with a certificate all connections have TLS, with ca
                                                // clients need one as well
   std::filesystem::path hub_ca;                // PEM file by which it knows its hubs; empty: `ca`
@@ -54,7 +53,7 @@ class Broker {
   Broker& operator=(Broker&&) noexcept;
 
   std::string url() const;       // for clients, without user and password
-  std::string leaf_url() const;  // for `hubs` of other servers, with leaf_user's password; contract: leaf_port
+  std::string leaf_url() const;  // for `hubs` of other servers, without user and password; contract: leaf_port
   int process() const;           // its id
   bool is_running() const;
   // Asks it to end, and kills it where it does not within a few seconds.
