@@ -89,7 +89,7 @@ std::vector<CellPoint> some_of(const std::vector<CellPoint>& walls) {
 
 // What follows from viewpoints that look alike.
 std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b) {
-  // Larger values find more pairs, and take longer in proportion (DECISIONS.md, 44).
+  // Larger values find more pairs, and take longer in proportion (DECISIONS.md, 134).
   constexpr std::size_t kAlike = 5, kTried = 128;
   using Pair = std::tuple<int, std::size_t, std::size_t>;  // distance, looks
   std::vector<Pair> pairs;
