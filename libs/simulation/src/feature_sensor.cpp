@@ -54,7 +54,7 @@ LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const Fe
   const Box box = bounds(plan);
   const RandomStream numbers(0, "landmarks");
   for (const Surface& surface : scene.surfaces()) {
-    const Look& look = surface.look;
+    const SurfaceTexture& look = surface.look;
     const Texture& texture = scene.texture(look.texture);
     const bool is_plane = surface.corners.empty();
     const double per_m2 = is_plane ? 0.1 * options.landmarks_per_m2 : options.landmarks_per_m2,

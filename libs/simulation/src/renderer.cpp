@@ -33,7 +33,7 @@ struct Prepared {
       detail_scale;  // the last: detail texels in one of the texture
   float nearest;     // greatest 1/z
   CameraModel::Bounds bounds;
-  const Look* look;
+  const SurfaceTexture* look;
 };
 
 float wrapped(double texels, int size) { return static_cast<float>(texels - size * std::floor(texels / size)); }
@@ -351,7 +351,7 @@ class Shader {
   // From a value to channels. Grey is the luma of ITU-R BT.601, as OpenCV has it.
   class Mixer {
    public:
-    Mixer(const Look& look, int channels) : channels_(channels) {
+    Mixer(const SurfaceTexture& look, int channels) : channels_(channels) {
       const auto grey = [](const Colour& c) { return 0.299f * c.red + 0.587f * c.green + 0.114f * c.blue; };
       const auto set = [&](int channel, float dark, float light) {
         dark_[channel] = 255.0f * dark;

@@ -102,9 +102,9 @@ class SceneBuilder {
     return result;
   }
 
-  Look look_of(const Painted& painted, const Vector3d& origin, const Vector3d& right, const Vector3d& down,
-               const Vector3d& normal) const {
-    Look look;
+  SurfaceTexture look_of(const Painted& painted, const Vector3d& origin, const Vector3d& right, const Vector3d& down,
+                         const Vector3d& normal) const {
+    SurfaceTexture look;
     look.texture = static_cast<int>(kBefore) + painted.place.strip;
     look.u = right / texel_m_;
     look.v = down / texel_m_;
@@ -116,7 +116,7 @@ class SceneBuilder {
     return look;
   }
 
-  void add_surface(std::vector<Vector3d> corners, const Vector3d& normal, const Look& look) {
+  void add_surface(std::vector<Vector3d> corners, const Vector3d& normal, const SurfaceTexture& look) {
     scene_.surfaces_.push_back({std::move(corners), {}, normal, look});
     Surface& surface = scene_.surfaces_.back();
     surface.point = surface.corners.front();
@@ -125,7 +125,7 @@ class SceneBuilder {
   // Upright, between two heights; `along_m` into its picture.
   void add_upright(Point2 from, Point2 to, double low, double high, const Painted& painted, double along_m = 0.0) {
     const Vector3d right = (at_height(to, 0.0) - at_height(from, 0.0)).normalized(), normal(-right.y(), right.x(), 0.0);
-    Look look = look_of(painted, at_height(from, options_.ceiling_m), right, {0.0, 0.0, -1.0}, normal);
+    SurfaceTexture look = look_of(painted, at_height(from, options_.ceiling_m), right, {0.0, 0.0, -1.0}, normal);
     look.first_u += along_m / texel_m_;
     add_surface({at_height(from, low), at_height(to, low), at_height(to, high), at_height(from, high)}, normal, look);
   }
@@ -192,7 +192,7 @@ class SceneBuilder {
       const double width = numbers.uniform(0.35, 1.0), height = numbers.uniform(0.35, 1.1);
       const double left = slot * 1.2 + numbers.uniform(0.05, 1.15 - width), top = numbers.uniform(1.5, 2.1);
       const auto [dark, light] = colours(true, numbers);
-      Look look;
+      SurfaceTexture look;
       if (twin >= 0) {
         const auto [known, is_new] = twin_posters_.emplace(twin * 64 + slot, posters_.size());
         look.texture = static_cast<int>(known->second);
@@ -315,7 +315,7 @@ std::vector<Surface> Scene::surfaces_of(const Body& body) const {
   const int texture = static_cast<int>(kFirstBody) + numbers.integer(0, static_cast<int>(kBodies) - 1);
   const auto add = [&](std::vector<Vector3d> corners, const Vector3d& normal, const Vector3d& u, const Vector3d& v,
                        double first_u) {
-    Look look;
+    SurfaceTexture look;
     look.texture = texture;
     look.u = u;
     look.v = v;

@@ -33,8 +33,9 @@ struct Colour {
   float red, green, blue;  // 0 to 1
 };
 
-// Textures run between two colours. Texel coordinates of a point X: (u . X + first_u, v . X + first_v).
-struct Look {
+// How a texture lies on a surface, between two colours. Texel coordinates of a point X: (u . X + first_u, v . X +
+// first_v).
+struct SurfaceTexture {
   int texture = 0;
   Eigen::Vector3d u, v;  // texels per metre
   double first_u = 0.0, first_v = 0.0;
@@ -46,7 +47,7 @@ struct Look {
 struct Surface {
   std::vector<Eigen::Vector3d> corners;  // in order, at most kMostCorners; empty: the whole plane
   Eigen::Vector3d point, normal;         // of its plane; unit length
-  Look look;
+  SurfaceTexture look;
 };
 constexpr int kMostCorners = 12;
 
