@@ -257,17 +257,19 @@ Action set_up_trajectory(CLI::App& judge) {
       ->check(one_of({"keep", "auto"}))
       ->capture_default_str();
   judge
-      .add_option("--max-difference", judging.error.max_stamp_difference_s,
-                  "seconds between poses that belong together")
+      .add_option(
+          "--max-difference", judging.error.max_stamp_difference_s,
+          "largest difference in seconds between the stamps of an estimated and a reference pose that are compared")
       ->check(number(0.0))
       ->capture_default_str();
-  judge.add_option("--delta", judging.relative.delta, "RPE: length of the pieces")
+  judge.add_option("--delta", judging.relative.delta, "RPE: length of the pieces whose drift is measured")
       ->check(number())
       ->capture_default_str();
-  judge.add_option("--delta-unit", arguments->delta_unit, "RPE: in what the pieces are measured")
+  judge.add_option("--delta-unit", arguments->delta_unit, "RPE: unit of --delta")
       ->check(one_of({"frames", "metres"}))
       ->capture_default_str();
-  judge.add_flag("--all-pairs", judging.relative.all_pairs, "RPE: pieces from every pose");
+  judge.add_flag("--all-pairs", judging.relative.all_pairs,
+                 "RPE: measure a piece from every pose; without it each begins where the last one ends");
   judge.add_option("--times", judging.times, "stamps of KITTI's poses, where no times.txt lies beside them")
       ->type_name("TIMES.txt");
   judge.add_option("--plot", arguments->plot, "a picture: trajectories on each other, errors on the way and over time")
@@ -317,7 +319,8 @@ Action set_up_grids(CLI::App& judge) {
       ->capture_default_str();
   judge
       .add_option("--wall-tolerance", arguments->agreement.wall_tolerance_cells,
-                  "cells; a wall this near is the same wall")
+                  "distance in cells, along x and along y, at which two walls are the same wall; larger values let "
+                  "more walls agree")
       ->check(whole_number(0, 20))
       ->capture_default_str();
   add_output(judge, arguments->output);

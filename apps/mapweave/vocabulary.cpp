@@ -135,16 +135,22 @@ Action set_up_vocabulary(CLI::App& verb) {
   CLI::App* train_verb = verb.add_subcommand("train", "pictures of logs -> a vocabulary");
   train_verb->add_option("LOG_OR_FOLDER", training->logs, "recordings of cameras")->required();
   train_verb->add_option("-o,--out", training->out, "vocabulary to write")->required()->type_name("FILE.txt.gz");
-  train_verb->add_option("--branching", training->words.branching, "children of a node of the tree of words")
+  train_verb
+      ->add_option("--branching", training->words.branching,
+                   "most children of a node of the tree of words; larger values give more words")
       ->check(whole_number(2, 32))
       ->capture_default_str();
-  train_verb->add_option("--levels", training->words.levels, "levels of that tree")
+  train_verb
+      ->add_option("--levels", training->words.levels,
+                   "most levels of the tree of words; larger values give more words")
       ->check(whole_number(1, 8))
       ->capture_default_str();
-  train_verb->add_option("--seed", training->words.seed, "seed of everything random")
+  train_verb
+      ->add_option("--seed", training->words.seed,
+                   "seed of all random numbers; the same seed gives the same vocabulary")
       ->check(whole_number(0, 4294967295))
       ->capture_default_str();
-  train_verb->add_option("--every", training->every, "use every n-th picture")
+  train_verb->add_option("--every", training->every, "use every n-th picture of the logs; larger values are faster")
       ->check(whole_number(1, 1000000))
       ->capture_default_str();
   train_verb->add_option("--features", training->features.features, "most features that are taken from a picture")

@@ -10,7 +10,7 @@ void add_writing_flags(CLI::App& verb, WritingFlags& flags) {
   verb.add_option("--threads", flags.threads, "threads to use; 0: one per processor. Results do not depend on it")
       ->check(whole_number(0, 1024))
       ->type_name("N");
-  verb.add_option("--seed", flags.seed, "seed of everything random")
+  verb.add_option("--seed", flags.seed, "seed of all random numbers")
       ->check(whole_number(0, 4294967295))
       ->type_name("S");
   verb.add_option("--set", flags.set,

@@ -19,7 +19,9 @@ struct TrajectoryErrorOptions {
               {"se3", AlignmentKind::se3},
               {"sim3", AlignmentKind::sim3}},
              "how the estimate is laid on the reference before errors are measured");
-    v.non_negative("max_stamp_difference_s", max_stamp_difference_s, "of poses that belong together");
+    v.non_negative("max_stamp_difference_s", max_stamp_difference_s,
+                   "largest difference in seconds between the stamps of an estimated and a reference pose that are "
+                   "compared; larger values compare more poses");
   }
 };
 
@@ -60,11 +62,15 @@ struct RelativeErrorOptions {
   double relative_tolerance = 0.1;     // all pairs, metres: a piece's length may be off by this share of delta
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("delta", delta, "length of the pieces whose drift is measured");
-    v.choice("unit", unit, {{"frames", DeltaUnit::frames}, {"metres", DeltaUnit::metres}}, "of delta");
-    v.flag("all_pairs", all_pairs, "pieces from every pose; otherwise one begins where the last ends");
+    v.positive("delta", delta,
+               "length of the pieces of a trajectory whose drift is measured, in frames or metres, as the option unit "
+               "says; larger values measure drift over longer pieces");
+    v.choice("unit", unit, {{"frames", DeltaUnit::frames}, {"metres", DeltaUnit::metres}},
+             "unit of the option delta: frames, or metres of the estimated path");
+    v.flag("all_pairs", all_pairs, "measure a piece from every pose; false: each piece begins where the last one ends");
     v.fraction("relative_tolerance", relative_tolerance,
-               "all pairs, metres: a piece's length may be off by this share of delta");
+               "share of delta by which the length of a piece may be off (all_pairs, unit: metres); larger values "
+               "measure more pieces");
   }
 };
 

@@ -11,7 +11,8 @@ struct GridAgreementOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("wall_tolerance_cells", wall_tolerance_cells, 0, 20,
-              "a wall this near, in cells along x and y, is the same wall");
+              "distance in cells, along x and along y, at which two walls are the same wall; larger values let more "
+              "walls agree");
   }
 };
 

@@ -30,11 +30,17 @@ struct RelationErrorOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("sensor_x_m", robot_from_sensor.x, -100.0, 100.0,
-             "sensor that the relations speak of, on the robot: forward");
-    v.number("sensor_y_m", robot_from_sensor.y, -100.0, 100.0, "the same: to the left");
-    v.number("sensor_yaw_rad", robot_from_sensor.phi, -3.2, 3.2, "the same: counter-clockwise from the robot's x axis");
-    v.non_negative("stamp_tolerance_s", stamp_tolerance_s, "a pose this near is the pose at the stamp");
-    v.non_negative("max_gap_s", max_gap_s, "where there is none, poses this far apart are interpolated; 0: never");
+             "distance in metres, ahead of the robot's origin, of the sensor whose motion the relations give");
+    v.number("sensor_y_m", robot_from_sensor.y, -100.0, 100.0,
+             "distance in metres, to the left of the robot's origin, of the sensor whose motion the relations give");
+    v.number("sensor_yaw_rad", robot_from_sensor.phi, -3.2, 3.2,
+             "heading on the robot in radians, counter-clockwise, of the sensor whose motion the relations give");
+    v.non_negative("stamp_tolerance_s", stamp_tolerance_s,
+                   "largest difference in seconds between the stamps of a relation and of a pose at which the pose is "
+                   "taken as it is; larger values interpolate fewer poses");
+    v.non_negative("max_gap_s", max_gap_s,
+                   "longest gap in seconds between two poses in which a pose is interpolated for a relation's stamp; "
+                   "larger values use more relations; 0: none is interpolated");
   }
 };
 

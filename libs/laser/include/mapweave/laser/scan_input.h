@@ -45,7 +45,8 @@ struct ScanInputOptions {
                    "laser readings of this distance in metres or more count as no return; larger values keep more "
                    "readings; 0: the sensor's own maximum, at most 200 m");
     v.positive("max_speed_mps", max_speed_mps,
-               "largest plausible speed of odometry in m/s; a faster jump counts as a reset during which the robot "
+               "largest plausible speed of odometry in metres per second; a faster jump counts as a reset during which "
+               "the robot "
                "stood still; larger values miss resets");
     v.choice("sweep", sweep,
              {{"automatic", SweepSource::automatic}, {"given", SweepSource::given}, {"none", SweepSource::none}},

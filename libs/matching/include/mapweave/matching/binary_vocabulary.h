@@ -99,10 +99,16 @@ struct VocabularyOptions {
   int iterations = 25;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("branching", branching, 2, 32, "children of a node at most");
-    v.integer("levels", levels, 1, 8, "words lie at most this deep");
-    v.integer("seed", seed, 0, 4294967295, "of the first centres");
-    v.integer("iterations", iterations, 1, 1000, "of the k-medians of one node at most");
+    v.integer("branching", branching, 2, 32,
+              "most children of a node of the vocabulary's tree; larger values give more words, which tell more "
+              "features apart");
+    v.integer("levels", levels, 1, 8,
+              "most levels of the vocabulary's tree; larger values give more words, which tell more features apart");
+    v.integer("seed", seed, 0, 4294967295,
+              "seed of the random centres that clustering begins with; the same seed gives the same vocabulary");
+    v.integer("iterations", iterations, 1, 1000,
+              "most iterations of k-medians in one node; larger values are slower and change nothing once they have "
+              "converged");
   }
 };
 

@@ -21,10 +21,15 @@ struct OrbFeatureOptions {
   int fast_threshold = 12;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("features", features, 10, 100000, "of one picture at most");
-    v.integer("levels", levels, 1, 16, "of the pyramid");
-    v.number("scale", scale, 1.05, 2.0, "between two levels of the pyramid");
-    v.integer("fast_threshold", fast_threshold, 1, 100, "least step of brightness around a corner");
+    v.integer("features", features, 10, 100000,
+              "most ORB features of one picture; larger values give more features and are slower");
+    v.integer("levels", levels, 1, 16, "levels of the image pyramid; larger values find features that look larger");
+    v.number("scale", scale, 1.05, 2.0,
+             "scale factor from one level of the image pyramid to the next; larger values find features that look "
+             "larger, in coarser steps");
+    v.integer("fast_threshold", fast_threshold, 1, 100,
+              "least difference in grey levels between a corner and the pixels around it (FAST); larger values find "
+              "fewer corners");
   }
 };
 

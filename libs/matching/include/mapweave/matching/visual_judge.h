@@ -26,8 +26,9 @@ struct VisualJudgeOptions {
   double min_spread = 0.12;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.section("matching", matching, "candidates by descriptors");
-    v.section("alignment", alignment, "alignments by sampling and least squares");
+    v.section("matching", matching,
+              "matching of ORB descriptors between two keyframes, which gives candidates for pairs of features");
+    v.section("alignment", alignment, "alignment of two keyframes by sampling (RANSAC) and least squares");
     v.positive("sigma_px", sigma_px,
                "standard deviation in pixels of an ORB feature on the lowest pyramid level; larger values accept worse "
                "matches as inliers");

@@ -34,7 +34,7 @@ struct LaserCameraOptions {
         "and cameras; by default more than rig.covisibility_sigma_m, since here the laser gives the shape and cameras "
         "follow; larger values let the laser bend the camera map more");
     v.non_negative("covisibility_sigma_per_m", covisibility_sigma_per_m,
-                   "standard deviation of the motion between two covisible keyframes as a share of its length, added "
+                   "standard deviation of the motion between two covisible keyframes in metres per metre of it, added "
                    "to covisibility_sigma_m, in the joint graph of laser and cameras; larger values let the laser bend "
                    "the camera map more");
     v.positive("covisibility_sigma_rad", covisibility_sigma_rad,

@@ -52,11 +52,11 @@ struct RigOptions {
                "standard deviation in radians of the heading of an extrinsic constraint between two cameras of a rig: "
                "errors of extrinsics and of stamps; larger values let the cameras turn against each other more");
     v.positive("acceleration_m_per_s2", acceleration_m_per_s2,
-               "acceleration of the robot in m/s^2 between the two poses that a virtual keyframe is interpolated from; "
-               "larger values "
-               "trust interpolation less");
+               "acceleration of the robot in metres per second squared between the two poses that a virtual keyframe "
+               "is interpolated from; larger values trust interpolation less");
     v.positive("acceleration_rad_per_s2", acceleration_rad_per_s2,
-               "angular acceleration of the robot in rad/s^2 between the two poses that a virtual keyframe is "
+               "angular acceleration of the robot in radians per second squared between the two poses that a virtual "
+               "keyframe is "
                "interpolated from; larger "
                "values trust interpolation less");
     v.positive("covisibility_sigma_m", covisibility_sigma_m,
@@ -65,7 +65,7 @@ struct RigOptions {
                "pose graph bend the camera's map more");
     v.non_negative(
         "covisibility_sigma_per_m", covisibility_sigma_per_m,
-        "standard deviation of the motion between two covisible keyframes of one camera as a share of its length, "
+        "standard deviation of the motion between two covisible keyframes of one camera in metres per metre of it, "
         "added to covisibility_sigma_m; larger values let the rig's pose graph bend the camera's map more");
     v.positive("covisibility_sigma_rad", covisibility_sigma_rad,
                "standard deviation in radians of the rotation between two covisible keyframes of one camera; larger "

@@ -111,8 +111,8 @@ struct LiveOptions {
               "most kB of one robot's sensor data that may wait at its edge to be mapped; the rest waits at the robot; "
               "larger values take more memory");
     v.positive("patience_s", patience_s,
-               "time in seconds after which it is said who does not answer, again and again; larger values say it "
-               "less often");
+               "time in seconds without an answer after which a program reports who does not answer; the report is "
+               "repeated after each further such time; larger values report later");
     v.positive(
         "lost_after_s", lost_after_s,
         "time in seconds after which an edge that says nothing is lost to the coordinator, which gives its robots "

@@ -120,7 +120,7 @@ struct EdgeEntry {
   int capacity = 0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("id", id, "the edge's name");
+    v.text("id", id, "name of the edge, by which robots refer to it and its results are called");
     v.text("broker", broker,
            "NATS server of this edge, a leaf node of live.broker (serve): nats://host:port. Its robots and the edge "
            "connect to it, and go on while the cloud is away; empty: live.broker");
@@ -247,7 +247,7 @@ struct OutputOptions {
     v.flag("report", report,
            "write report.html, one page that shows the results: maps, pairs of maps, times and options (run, slam, "
            "merge)");
-    v.section("picture", picture, "size of map.color.png");
+    v.section("picture", picture, "size and resolution of the picture map.color.png");
     v.section("cloud", cloud, "point cloud of walls, map.pcd");
     v.section("dense", dense, "which depths are used for the dense maps of output.ply and output.octomap");
   }

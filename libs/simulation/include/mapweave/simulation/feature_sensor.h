@@ -28,20 +28,32 @@ struct FeatureOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("landmarks_per_m2", landmarks_per_m2, 0.1, 1000.0,
-             "on walls and furniture; a tenth of it on floor and ceiling");
+             "landmarks per square metre of walls and furniture; floor and ceiling have a tenth of that; larger values "
+             "give more features");
     v.number("least_size_m", least_size_m, 0.001, 1.0,
-             "a landmark is found where its size shows as 7 pixels times the octaves' factors");
+             "size in metres of the smallest landmark; a landmark is found where its size shows as 7 pixels times an "
+             "octave's factor; larger values give fewer features near by");
     v.number("greatest_size_m", greatest_size_m, 0.001, 10.0,
-             "sizes are spread evenly between these, by their logarithms");
-    v.number("farthest_m", farthest_m, 0.5, 200.0, "nothing is found beyond");
-    v.integer("most_features", most_features, 1, 100000, "in a picture");
-    v.integer("octaves", octaves, 1, 16, "levels of the pyramid");
-    v.number("octave_factor", octave_factor, 1.01, 2.0, "from one level to the next");
+             "size in metres of the largest landmark; the logarithms of sizes are spread evenly; larger values give "
+             "more features far away");
+    v.number("farthest_m", farthest_m, 0.5, 200.0,
+             "distance in metres beyond which no landmark is found; larger values give more features");
+    v.integer("most_features", most_features, 1, 100000,
+              "most features of one picture; larger values give more features");
+    v.integer("octaves", octaves, 1, 16,
+              "levels of the image pyramid; larger values find landmarks over more distances");
+    v.number("octave_factor", octave_factor, 1.01, 2.0,
+             "scale factor from one level of the image pyramid to the next; larger values find landmarks over more "
+             "distances");
     v.number("pixel_noise", pixel_noise, 0.0, 20.0,
-             "standard deviation on the lowest level; grows with the octave's factor");
-    v.fraction("flipped_bits", flipped_bits, "share of a descriptor's bits that are wrong in a frame");
-    v.fraction("missed", missed, "share of visible landmarks that a frame does not find");
-    v.fraction("outliers", outliers, "features that no landmark stands behind, as a share of the others");
+             "standard deviation in pixels of a feature on the lowest level, which grows with the octave's factor; "
+             "larger values are less accurate");
+    v.fraction("flipped_bits", flipped_bits,
+               "share of a descriptor's bits that are wrong in a frame; larger values make features harder to match");
+    v.fraction("missed", missed,
+               "share of visible landmarks that a frame does not find; larger values give fewer features");
+    v.fraction("outliers", outliers,
+               "features without a landmark, as a share of the others; larger values give more wrong ones");
   }
 };
 

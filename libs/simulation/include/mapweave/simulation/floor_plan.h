@@ -66,10 +66,13 @@ struct CorridorOptions {
   int clutter = 8;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("length_m", length_m, 2.0, 1000.0, "length of the corridor");
-    v.number("width_m", width_m, 1.2, 10.0, "distance of its walls");
-    v.integer("doors", doors, 0, 2000, "closed doors, set back into the walls at random places");
-    v.integer("clutter", clutter, 0, 2000, "boxes along the walls");
+    v.number("length_m", length_m, 2.0, 1000.0, "length of the corridor in metres");
+    v.number("width_m", width_m, 1.2, 10.0, "distance in metres between the corridor's walls");
+    v.integer("doors", doors, 0, 2000,
+              "number of closed doors, set back into the corridor's walls at random places; larger values make places "
+              "easier to distinguish");
+    v.integer("clutter", clutter, 0, 2000,
+              "number of boxes along the corridor's walls; larger values make places easier to distinguish");
   }
 };
 
@@ -86,14 +89,18 @@ struct ApartmentOptions {
   int furniture = 4;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("width_m", width_m, 3.5, 200.0, "outer size along x");
-    v.number("height_m", height_m, 3.5, 200.0, "outer size along y");
-    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
-    v.number("room_width_m", room_width_m, 2.0, 50.0, "rooms are between 0.7 and 1.3 times as wide");
-    v.number("door_width_m", door_width_m, 0.7, 2.0, "free width of doors");
-    v.number("wall_thickness_m", wall_thickness_m, 0.0, 0.5, "0: walls without thickness");
-    v.fraction("connecting_doors", connecting_doors, "chance of a door between neighbouring rooms");
-    v.integer("furniture", furniture, 0, 20, "pieces in a room at most");
+    v.number("width_m", width_m, 3.5, 200.0, "outer size of the apartment along x, in metres");
+    v.number("height_m", height_m, 3.5, 200.0, "outer size of the apartment along y, in metres");
+    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0,
+             "distance in metres between the walls of the apartment's corridors");
+    v.number("room_width_m", room_width_m, 2.0, 50.0,
+             "typical width of the apartment's rooms in metres; they are between 0.7 and 1.3 times as wide");
+    v.number("door_width_m", door_width_m, 0.7, 2.0, "free width in metres of the apartment's doors");
+    v.number("wall_thickness_m", wall_thickness_m, 0.0, 0.5,
+             "thickness in metres of the apartment's inner walls; 0: walls without thickness");
+    v.fraction("connecting_doors", connecting_doors,
+               "probability of a door between two neighbouring rooms; larger values give more loops");
+    v.integer("furniture", furniture, 0, 20, "most pieces of furniture in a room; larger values fill rooms more");
   }
 };
 
@@ -109,13 +116,14 @@ struct RoomRowOptions {
   int clutter = 0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("rooms", rooms, 2, 100, "number of rooms");
-    v.number("room_width_m", room_width_m, 2.0, 10.0, "size of a room along the corridor");
-    v.number("room_depth_m", room_depth_m, 2.0, 20.0, "size of a room across it");
-    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
-    v.number("door_width_m", door_width_m, 0.7, 1.5, "free width of doors");
-    v.integer("furniture", furniture, 0, 20, "pieces in a room at most");
-    v.integer("clutter", clutter, 0, 2000, "boxes along the corridor's outer wall, which make the rooms differ");
+    v.integer("rooms", rooms, 2, 100, "number of rooms in the row");
+    v.number("room_width_m", room_width_m, 2.0, 10.0, "size in metres of a room along the corridor");
+    v.number("room_depth_m", room_depth_m, 2.0, 20.0, "size in metres of a room across the corridor");
+    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance in metres between the corridor's walls");
+    v.number("door_width_m", door_width_m, 0.7, 1.5, "free width in metres of the rooms' doors");
+    v.integer("furniture", furniture, 0, 20, "most pieces of furniture in a room; larger values fill rooms more");
+    v.integer("clutter", clutter, 0, 2000,
+              "number of boxes along the corridor's outer wall; larger values make places easier to distinguish");
   }
 };
 
@@ -126,10 +134,13 @@ struct HallOptions {
   int clutter = 10;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("width_m", width_m, 4.0, 200.0, "size along x");
-    v.number("height_m", height_m, 4.0, 200.0, "size along y");
-    v.integer("pillars", pillars, 0, 1000, "square pillars in the hall");
-    v.integer("clutter", clutter, 0, 2000, "boxes along its walls");
+    v.number("width_m", width_m, 4.0, 200.0, "size of the hall along x, in metres");
+    v.number("height_m", height_m, 4.0, 200.0, "size of the hall along y, in metres");
+    v.integer(
+        "pillars", pillars, 0, 1000,
+        "number of square pillars in the hall, at random places; larger values make places easier to distinguish");
+    v.integer("clutter", clutter, 0, 2000,
+              "number of boxes along the hall's walls; larger values make places easier to distinguish");
   }
 };
 
@@ -142,11 +153,15 @@ struct RingOptions {
   int clutter = 10;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("width_m", width_m, 5.0, 300.0, "outer size along x");
-    v.number("height_m", height_m, 5.0, 300.0, "outer size along y");
-    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
-    v.integer("doors", doors, 0, 2000, "closed doors, set back into the outer walls at random places");
-    v.integer("clutter", clutter, 0, 2000, "boxes along the walls");
+    v.number("width_m", width_m, 5.0, 300.0, "outer size of the ring along x, in metres");
+    v.number("height_m", height_m, 5.0, 300.0, "outer size of the ring along y, in metres");
+    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0,
+             "distance in metres between the walls of the ring's corridor");
+    v.integer("doors", doors, 0, 2000,
+              "number of closed doors, set back into the ring's outer walls at random places; larger values make "
+              "places easier to distinguish");
+    v.integer("clutter", clutter, 0, 2000,
+              "number of boxes along the ring's walls; larger values make places easier to distinguish");
   }
 };
 
@@ -161,12 +176,13 @@ struct WarehouseOptions {
   int pallets = 10;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("aisles", aisles, 1, 100, "aisles beside each other, all alike");
-    v.number("length_m", length_m, 2.0, 300.0, "length of the racks");
-    v.number("aisle_m", aisle_m, 1.2, 20.0, "width of an aisle");
-    v.number("rack_m", rack_m, 0.2, 20.0, "width of a row of racks");
-    v.number("crossing_m", crossing_m, 1.2, 20.0, "width of the crossing aisles at both ends");
-    v.integer("pallets", pallets, 0, 2000, "boxes that stand beside the racks at random places");
+    v.integer("aisles", aisles, 1, 100, "number of aisles beside each other, all alike");
+    v.number("length_m", length_m, 2.0, 300.0, "length of the racks in metres");
+    v.number("aisle_m", aisle_m, 1.2, 20.0, "width of an aisle in metres");
+    v.number("rack_m", rack_m, 0.2, 20.0, "width of a row of racks in metres");
+    v.number("crossing_m", crossing_m, 1.2, 20.0, "width in metres of the crossing aisles at both ends of the racks");
+    v.integer("pallets", pallets, 0, 2000,
+              "number of boxes beside the racks, at random places; larger values make aisles easier to distinguish");
   }
 };
 

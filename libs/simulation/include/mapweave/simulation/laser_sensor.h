@@ -25,22 +25,33 @@ struct SimulatedLaserOptions {
   double dropouts = 0.002;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("rays", rays, 2, 4000, "rays of a scan");
-    v.number("field_of_view_deg", field_of_view_deg, 1.0, 360.0, "from the first ray to the last, ahead in the middle");
-    v.number("max_range_m", max_range_m, 0.5, 200.0, "nothing is seen beyond");
-    v.number("scans_per_second", scans_per_second, 0.1, 100.0, "scan rate");
-    v.number("x_m", x_m, -2.0, 2.0, "where the laser sits on the robot: ahead");
-    v.number("y_m", y_m, -2.0, 2.0, "to the left");
-    v.number("yaw_deg", yaw_deg, -180.0, 180.0, "turned counter-clockwise");
-    v.number("noise_m", noise_m, 0.0, 1.0, "standard deviation of a range");
-    v.number("noise_per_m", noise_per_m, 0.0, 0.2, "and what each metre of range adds to it");
+    v.integer("rays", rays, 2, 4000, "number of rays of a scan; larger values give denser scans");
+    v.number("field_of_view_deg", field_of_view_deg, 1.0, 360.0,
+             "angle in degrees from the first ray of a scan to its last, straight ahead in the middle; larger values "
+             "see more");
+    v.number("max_range_m", max_range_m, 0.5, 200.0,
+             "distance in metres beyond which the laser sees nothing; larger values see more");
+    v.number("scans_per_second", scans_per_second, 0.1, 100.0,
+             "scans of the laser per second; larger values give more scans");
+    v.number("x_m", x_m, -2.0, 2.0, "distance in metres of the laser ahead of the robot's origin");
+    v.number("y_m", y_m, -2.0, 2.0, "distance in metres of the laser to the left of the robot's origin");
+    v.number("yaw_deg", yaw_deg, -180.0, 180.0,
+             "angle in degrees by which the laser is turned counter-clockwise from straight ahead");
+    v.number("noise_m", noise_m, 0.0, 1.0,
+             "constant part, in metres, of a range's standard deviation; larger values give noisier scans");
+    v.number("noise_per_m", noise_per_m, 0.0, 0.2,
+             "growth of a range's standard deviation in metres per metre of range; larger values give noisier scans "
+             "far away");
     v.number("sweep_s", sweep_s, 0.0, 5.0,
-             "time from the first measured ray to the last: scans of a moving robot are bent; 0: all rays at once");
-    v.flag("clockwise", clockwise, "the leftmost ray is measured first");
+             "time in seconds from the first measured ray of a scan to its last; larger values bend scans of a moving "
+             "robot more; 0: all rays at once");
+    v.flag("clockwise", clockwise, "measure the leftmost ray of a scan first; false: the rightmost one");
     v.fraction("sweep_stamp", sweep_stamp,
-               "the part of the sweep that is over at a scan's stamp; 0: the first measured ray, 1: the last one");
-    v.fraction("outliers", outliers, "share of rays that end anywhere before the wall");
-    v.fraction("dropouts", dropouts, "share of rays that see nothing");
+               "part of the sweep that is over at a scan's stamp; 0: it is stamped at the first measured ray, 1: at "
+               "the last one");
+    v.fraction("outliers", outliers,
+               "share of rays that end at random before the wall; larger values give worse scans");
+    v.fraction("dropouts", dropouts, "share of rays that return nothing; larger values give emptier scans");
   }
   double first_angle_rad() const { return -0.5 * field_of_view_deg * (M_PI / 180.0); }  // in the laser's frame
   double angle_step_rad() const { return field_of_view_deg * (M_PI / 180.0) / (rays - 1); }

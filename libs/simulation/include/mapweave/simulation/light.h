@@ -13,12 +13,15 @@ struct LightOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("level", level, 0.01, 1.0,
-             "how much light there is, of full daylight; in less, cameras expose up to three times as long, then "
-             "amplify up to eight times, noise and all; what is left is dark");
+             "light as a share of full daylight; in less light cameras expose up to three times as long, then amplify "
+             "picture and noise up to eight times, and what is still missing makes pictures dark; larger values are "
+             "brighter");
     v.fraction("lamps", lamps,
                "share of the light that comes from lamps, bright beneath them and dark between; the rest falls "
-               "everywhere alike; 0: day");
-    v.number("lamp_spacing_m", lamp_spacing_m, 0.5, 50.0, "from one lamp to the next, along both walls");
+               "everywhere alike; larger values are more uneven; 0: day");
+    v.number(
+        "lamp_spacing_m", lamp_spacing_m, 0.5, 50.0,
+        "distance in metres from one lamp to the next, along x and along y; larger values make larger dark places");
   }
 
   // What cameras make of it: 1, 1 and 1 in full light.

@@ -21,11 +21,18 @@ struct LookOptions {
   int contrast = 60;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("ceiling_m", ceiling_m, 2.2, 10.0, "height of rooms; a texel of the walls is a 512th of it");
-    v.number("door_m", door_m, 1.5, 2.2, "height of open doors");
-    v.fraction("blank_walls", blank_walls, "share of walls (pieces of up to 8 m) without any pattern");
-    v.number("posters_per_10_m", posters_per_10_m, 0.0, 10.0, "pictures on walls that are not blank");
-    v.integer("contrast", contrast, 0, 120, "grey levels between a pattern and what it lies on, at most");
+    v.number("ceiling_m", ceiling_m, 2.2, 10.0,
+             "height of rooms in metres; a texel of the walls is a 512th of it, so that larger values show coarser "
+             "patterns");
+    v.number("door_m", door_m, 1.5, 2.2, "height of open doors in metres");
+    v.fraction("blank_walls", blank_walls,
+               "share of walls, in pieces of up to 8 m, without any pattern; larger values give cameras less to see");
+    v.number(
+        "posters_per_10_m", posters_per_10_m, 0.0, 10.0,
+        "number of posters on 10 metres of wall, where walls are not blank; larger values give cameras more to see");
+    v.integer("contrast", contrast, 0, 120,
+              "largest difference in grey levels between a pattern and what it lies on; larger values give cameras "
+              "more to see");
   }
 };
 

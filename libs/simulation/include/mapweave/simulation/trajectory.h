@@ -20,13 +20,21 @@ struct MotionOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("speed_min_m_per_s", speed_min_m_per_s, 0.02, 10.0,
-             "each leg of a tour has its own cruising speed: the least");
-    v.number("speed_max_m_per_s", speed_max_m_per_s, 0.02, 10.0, "and the greatest");
-    v.number("acceleration_m_per_s2", acceleration_m_per_s2, 0.05, 20.0, "of speeding up and braking");
-    v.number("turn_rate_deg_per_s", turn_rate_deg_per_s, 5.0, 720.0, "greatest turn rate");
-    v.number("clearance_m", clearance_m, 0.05, 5.0, "the robot's centre stays this far from every wall");
+             "slowest cruising speed of a robot in metres per second; each leg of a tour has its own speed; larger "
+             "values drive faster");
+    v.number("speed_max_m_per_s", speed_max_m_per_s, 0.02, 10.0,
+             "fastest cruising speed of a robot in metres per second; each leg of a tour has its own speed; larger "
+             "values drive faster");
+    v.number("acceleration_m_per_s2", acceleration_m_per_s2, 0.05, 20.0,
+             "acceleration of a robot that speeds up or brakes, in metres per second squared; larger values speed up "
+             "sooner");
+    v.number("turn_rate_deg_per_s", turn_rate_deg_per_s, 5.0, 720.0,
+             "largest turn rate of a robot in degrees per second; larger values turn faster");
+    v.number("clearance_m", clearance_m, 0.05, 5.0,
+             "least distance in metres from a robot's centre to any wall; larger values close narrow passages to it");
     v.number("floor_tilt_deg", floor_tilt_deg, 0.0, 10.0,
-             "standard deviation of the floor's tilt, in waves of 0.4 m to 3 m; cameras and the inertial unit feel it");
+             "standard deviation in degrees of the floor's tilt, in waves of 0.4 m to 3 m, which cameras and the "
+             "inertial unit feel; larger values tilt them more");
   }
 };
 

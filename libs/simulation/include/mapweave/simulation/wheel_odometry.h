@@ -21,20 +21,33 @@ struct WheelOdometryOptions {
   double slip_max_deg = 10.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("steps_per_scan", steps_per_scan, 1, 100, "odometry readings for each scan");
+    v.integer("steps_per_scan", steps_per_scan, 1, 100,
+              "odometry readings for each scan; larger values give more readings");
     v.number("noise_m", noise_m, 0.0, 1.0,
-             "standard deviation of the position along and across after 1 m; grows with the root of the path");
-    v.number("yaw_noise_deg", yaw_noise_deg, 0.0, 90.0, "standard deviation of the heading after 1 m straight ahead");
-    v.number("turn_noise_deg", turn_noise_deg, 0.0, 90.0, "standard deviation of the heading after one full turn");
+             "standard deviation in metres of the position, along and across, after 1 m of path; grows with the square "
+             "root of the path; larger values give worse odometry");
+    v.number("yaw_noise_deg", yaw_noise_deg, 0.0, 90.0,
+             "standard deviation in degrees of the heading after 1 m straight ahead; grows with the square root of the "
+             "path; larger values give worse odometry");
+    v.number("turn_noise_deg", turn_noise_deg, 0.0, 90.0,
+             "standard deviation in degrees of the heading after one full turn; grows with the square root of the "
+             "turn; larger values give worse odometry");
     v.number("scale_error", scale_error, 0.0, 0.5,
-             "standard deviation, over robots, of a constant error of the path's scale");
-    v.number("turn_scale_error", turn_scale_error, 0.0, 0.5, "the same for turns");
+             "standard deviation, over robots, of a constant error of path lengths, as a share; larger values give "
+             "worse odometry");
+    v.number(
+        "turn_scale_error", turn_scale_error, 0.0, 0.5,
+        "standard deviation, over robots, of a constant error of turns, as a share; larger values give worse odometry");
     v.number("heading_drift_deg_per_m", heading_drift_deg_per_m, 0.0, 90.0,
-             "standard deviation, over robots, of a constant drift");
+             "standard deviation, over robots, of a constant drift of the heading in degrees per metre; larger values "
+             "give worse odometry");
     v.number("slips_per_100_m", slips_per_100_m, 0.0, 1000.0,
-             "sudden misses of the heading for each 100 m that the wheels roll");
-    v.number("slip_min_deg", slip_min_deg, 0.0, 180.0, "least size of a slip");
-    v.number("slip_max_deg", slip_max_deg, 0.0, 180.0, "greatest size of a slip, to either side");
+             "number of sudden slips of the wheels, which falsify the heading, on 100 metres that they roll; larger "
+             "values give worse odometry");
+    v.number("slip_min_deg", slip_min_deg, 0.0, 180.0,
+             "size in degrees of the smallest slip; larger values give worse odometry");
+    v.number("slip_max_deg", slip_max_deg, 0.0, 180.0,
+             "size in degrees of the largest slip, to either side; larger values give worse odometry");
   }
 };
 WheelOdometryOptions perfect_odometry();  // no error of any kind

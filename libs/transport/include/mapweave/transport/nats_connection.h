@@ -31,7 +31,8 @@ struct NatsOptions {
     v.text("password", password, "password of the account's user");
     v.text("token", token, "token in place of user and password; empty: none");
     v.text("ca", ca, "PEM file with the certificates that the broker's must be signed by; turns TLS on");
-    v.text("ca_text", ca_text, "the same certificates as text in place of a file");
+    v.text("ca_text", ca_text,
+           "certificates that the broker's must be signed by, as PEM text in place of the file ca; turns TLS on");
     v.text("inbox", inbox, "what subjects begin with on which answers come: those that the user may receive");
     v.text("certificate", certificate, "PEM file with this program's certificate, for brokers that ask for one");
     v.text("key", key, "PEM file with the private key of the certificate");

@@ -197,7 +197,8 @@ struct SessionOptions {
               "number of corners below which a picture counts as showing nothing, as in a cupboard or with a covered "
               "lens; larger values make more pictures count as empty");
     v.positive("carried_m_per_s", carried_m_per_s,
-               "largest speed in m/s at which a lost camera without odometry may have been moved; relocalisation "
+               "largest speed in metres per second at which a lost camera without odometry may have been moved; "
+               "relocalisation "
                "farther away is refused as a look-alike; larger values relocalise more often, also wrongly");
     v.fraction("odometry_drift", odometry_drift,
                "error of odometry as a share of motion and of turns while the camera is lost; relocalisation outside "
