@@ -2,6 +2,7 @@
 // one of a run.
 #include "live_team.h"
 
+#include <mapweave/mapdb/map_store.h>
 #include <mapweave/maps/receipt.h>
 #include <mapweave/tiers/subjects.h>
 #include <mapweave/transport/in_process_channel.h>
@@ -216,6 +217,50 @@ TEST_F(LiveTeam, does_what_users_ask_for_while_robots_drive) {
   run_batch(configuration, make_plan(configuration, {}), {run, false, false}, pool, *silent);
   EXPECT_EQ(merges_of(settings.out), merges_of(run));
   EXPECT_NE(merges_of(settings.out), merges_of(as_run()));
+}
+
+// The cloud alone is asked to keep two robots apart whose maps edge north merges, and thins.
+struct LiveTeamTakenApart : LiveTeam {
+  LiveTeamTakenApart() {
+    for (RobotEntry& robot : configuration.robots) robot.edge = robot.id == "gamma" ? "south" : "north";
+    plan = make_plan(configuration, {});
+    choose_sensors(plan, configuration, pool);
+    start_cloud();
+    LiveRequests requests;
+    requests.refused = {{RobotId("alpha"), RobotId("beta")}};
+    EXPECT_TRUE(cloud->follow(requests));
+    start_edge("north");
+  }
+};
+
+TEST_F(LiveTeamTakenApart, says_who_sent_whole_maps) {
+  start_edge("south");
+  start_robots();
+  const Report report = result();
+  EXPECT_THAT(report.notes, testing::AllOf(testing::Contains(testing::HasSubstr("edge north sent whole maps")).Times(1),
+                                           testing::Not(testing::Contains(testing::HasSubstr("did not send")))));
+}
+
+TEST_F(LiveTeamTakenApart, says_whose_maps_stay_thinned_where_their_edge_is_gone) {
+  start_robots();
+  await([&] { return cloud->counts().edges.front().has_fused; });
+  end_edge("north");
+  start_edge("south");
+  await([&] { return cloud->counts().is_sealing; });
+  EXPECT_FALSE(cloud->wait(300ms)) << "north is to answer";
+  cloud->seal_now();
+  const Report report = result();
+  EXPECT_THAT(report.notes, testing::AllOf(testing::Contains(testing::ContainsRegex(
+                                               "edge north merged the maps 'alpha', 'beta'.*did not send them")),
+                                           testing::Not(testing::Contains(testing::HasSubstr("sent whole maps")))));
+  for (const RobotReport& robot : report.robots) EXPECT_TRUE(robot.mapped);
+  std::size_t nodes = 0;
+  for (const auto& team : fs::directory_iterator(settings.out))
+    if (team.path().filename().string().rfind("team", 0) == 0)
+      for (const Map& map : mapdb::read_store(team.path() / "map.mwdb").maps) nodes += map.nodes.size();
+  for (const RobotId& robot : {RobotId("alpha"), RobotId("beta"), RobotId("gamma")})
+    nodes -= mapdb::read_store(settings.out / "robots" / robot.str() / "map.mwdb").maps.at(0).nodes.size();
+  EXPECT_EQ(nodes, 0u) << "every pose is there";
 }
 
 TEST(LiveRequests, are_read_as_they_were_written) {

@@ -210,9 +210,57 @@ TEST_F(CloudTest, wants_thinned_maps_whole_that_stayed_apart_in_doubt) {
   apart.verdicts[0].alignment.emplace();
   const std::map<TierId, std::vector<MapId>> thinned{{TierId("north"), {map.id}}};
   EXPECT_EQ(cloud.wanted_as_whole(apart), thinned) << "of one robot all is here";
-  EXPECT_TRUE(cloud.notes(apart).empty());
+  EXPECT_THAT(cloud.notes(apart), testing::ElementsAre(testing::AllOf(
+                                      testing::HasSubstr("edge north did not send the maps '" + map.id.str() + "'"),
+                                      testing::HasSubstr("cloud.thin_maps=false"))));
+  EXPECT_TRUE(cloud.notes({}).empty()) << "it is decided";
+  EXPECT_TRUE(cloud.wanted_as_whole(apart).empty()) << "it was asked for";
   for (const std::string& bytes : edge.whole_maps({map.id}).for_cloud) cloud.receive(bytes, "test");
   EXPECT_TRUE(cloud.wanted_as_whole(apart).empty());
+  EXPECT_THAT(cloud.notes(apart), testing::ElementsAre(testing::HasSubstr("edge north sent whole maps")));
+}
+
+// Seals with these results.
+struct ScriptedCloud {
+  CloudMerger& cloud;
+  std::vector<fusion::FusionResult> results;
+  std::size_t seals = 0;
+  fusion::FusionResult seal(WorkerPool& pool, Progress& progress) {
+    cloud.seal(pool, progress);
+    return results.at(seals++);
+  }
+  auto wanted_as_whole(const fusion::FusionResult& result) { return cloud.wanted_as_whole(result); }
+  bool is_newer_than_sealed() const { return cloud.is_newer_than_sealed(); }
+};
+
+TEST_F(CloudTest, asks_for_whole_maps_until_no_more_are_wanted) {
+  EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta"), RobotId("gamma")}, {});
+  EdgeServer::Effects effects;
+  for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05), std::pair("gamma", 2.1)})
+    effects =
+        edge.step({RobotId(robot), test::make_map(robot, 6, 100.0, first_range_m), std::nullopt}, pool, *progress);
+  std::vector<fusion::FusionResult> results(3);
+  results[0].reopened = {{MapId("alpha"), MapId("beta")}};
+  results[1].reopened = {{MapId("beta"), MapId("gamma")}};
+  using Asked = std::vector<std::vector<MapId>>;
+  const auto asked_of = [&](bool answers) {
+    CloudMerger merger(TierId("cloud"), {});
+    for (const std::string& bytes : effects.for_cloud) merger.receive(bytes, "test");
+    ScriptedCloud scripted{merger, results};
+    Asked asked;
+    const auto ask = [&](const TierId& id, const std::vector<MapId>& maps) {
+      EXPECT_EQ(id, edge.id());
+      asked.push_back(maps);
+      if (!answers) return;
+      for (const std::string& bytes : edge.whole_maps(maps).for_cloud) merger.receive(bytes, "test");
+    };
+    seal_by_whole_maps(scripted, ask, pool, *progress);
+    EXPECT_EQ(scripted.seals, answers ? 3u : 1u);
+    EXPECT_EQ(merger.notes({}).size(), 1u);
+    return asked;
+  };
+  EXPECT_EQ(asked_of(false), (Asked{{MapId("alpha"), MapId("beta")}}));
+  EXPECT_EQ(asked_of(true), (Asked{{MapId("alpha"), MapId("beta")}, {MapId("gamma")}}));
 }
 
 // An edge merged two robots and thinned their maps; when the cloud takes them apart, the edge is gone.
@@ -260,7 +308,8 @@ TEST_F(CloudTest, keeps_every_pose_where_the_edge_that_thinned_the_maps_is_gone)
 
   for (const std::string& bytes : edge.whole_maps(members).for_cloud) cloud.receive(bytes, "test");
   const auto from_whole = cloud.seal(pool, *progress);
-  EXPECT_TRUE(cloud.notes(from_whole).empty()) << "it came back";
+  EXPECT_THAT(cloud.notes(from_whole), testing::ElementsAre(testing::HasSubstr("edge north sent whole maps")))
+      << "it came back";
   std::size_t scans = 0, thinned_scans = 0;
   const auto has_scan = [](const auto& entry) { return entry.second.payload != nullptr; };
   for (std::size_t i = 0; i < 2; ++i) {

@@ -12,6 +12,12 @@
 namespace mapweave::tiers {
 namespace {
 
+std::string quoted(const std::vector<MapId>& maps) {
+  std::string names;
+  for (const MapId& id : maps) names += (names.empty() ? "'" : ", '") + id.str() + "'";
+  return names;
+}
+
 // The edge left scans out.
 bool is_thinned(const Map& map) {
   return std::any_of(map.nodes.begin(), map.nodes.end(),
@@ -34,6 +40,7 @@ Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
                 where, "each robot ships to exactly one edge");
   if (known != inboxes_.end() && update.base == 0 && update.sequence > known->second.receipt().stored) {
     came_whole_.insert(origin.map);
+    is_newer_ = true;
     if (taken_apart_.count(origin.map) != 0)
       merged_.erase(std::remove_if(merged_.begin(), merged_.end(),
                                    [&](const MergedMaps& merged) {
@@ -55,36 +62,49 @@ void CloudMerger::receive_merged(std::string_view bytes, const std::string& wher
 }
 
 std::map<TierId, std::vector<MapId>> CloudMerger::wanted_as_whole(const fusion::FusionResult& result) {
-  std::map<TierId, std::vector<MapId>> wanted = taken_apart(result);
-  std::set<MapId> asked;
-  for (const auto& entry : wanted) asked.insert(entry.second.begin(), entry.second.end());
-  taken_apart_ = asked;
+  std::map<TierId, std::vector<MapId>> wanted;
+  const auto ask = [&](const MapId& id) {
+    if (asked_.insert(id).second && came_whole_.count(id) == 0) wanted[edge_of(id)].push_back(id);
+  };
+  for (const std::vector<MapId>& members : result.reopened)
+    for (const MapId& id : members) {
+      taken_apart_.insert(id);
+      ask(id);
+    }
   for (const MapId& id : maps_in_doubt(result)) {
     const auto inbox = inboxes_.find(id);  // none: of a session before
-    if (inbox != inboxes_.end() && came_whole_.count(id) == 0 && is_thinned(inbox->second.map()) &&
-        asked.insert(id).second)
-      wanted[inbox->second.receipt().origin.tier].push_back(id);
+    if (inbox != inboxes_.end() && is_thinned(inbox->second.map())) ask(id);
   }
   return wanted;
 }
 
-std::map<TierId, std::vector<MapId>> CloudMerger::taken_apart(const fusion::FusionResult& result) const {
-  std::map<TierId, std::vector<MapId>> apart;
-  for (const std::vector<MapId>& members : result.reopened)
-    for (const MapId& id : members) apart[inboxes_.at(id).receipt().origin.tier].push_back(id);
-  return apart;
-}
+TierId CloudMerger::edge_of(const MapId& id) const { return inboxes_.at(id).receipt().origin.tier; }
 
 std::vector<std::string> CloudMerger::notes(const fusion::FusionResult& result) const {
+  std::set<TierId> senders;
+  std::map<TierId, std::vector<MapId>> apart, in_doubt;
+  const std::set<MapId> doubted = maps_in_doubt(result);
+  for (const MapId& id : asked_)
+    if (came_whole_.count(id) != 0)
+      senders.insert(edge_of(id));
+    else if (taken_apart_.count(id) != 0)
+      apart[edge_of(id)].push_back(id);
+    else if (doubted.count(id) != 0)
+      in_doubt[edge_of(id)].push_back(id);
   std::vector<std::string> notes;
-  for (const auto& [edge, maps] : taken_apart(result)) {
-    std::string names;
-    for (const MapId& id : maps) names += (names.empty() ? "'" : ", '") + id.str() + "'";
-    notes.push_back("edge " + edge.str() + " merged the maps " + names +
+  for (const TierId& edge : senders)
+    notes.push_back("edge " + edge.str() +
+                    " sent whole maps: the cloud took a merge of thinned maps apart, or could not decide by them");
+  for (const auto& [edge, maps] : apart)
+    notes.push_back("edge " + edge.str() + " merged the maps " + quoted(maps) +
                     ", which the cloud took apart again, and did not send them as a whole: they stay as it thinned "
                     "them, with all poses, but of a place that several of them show one alone has the scans; merge the "
                     "robots' own maps instead, or let edges send whole maps (cloud.thin_maps=false)");
-  }
+  for (const auto& [edge, maps] : in_doubt)
+    notes.push_back("edge " + edge.str() + " did not send the maps " + quoted(maps) +
+                    " as a whole, by which the cloud would have decided whether they fit others: they stay as it "
+                    "thinned them, with all poses; merge the robots' own maps, or let edges send whole maps "
+                    "(cloud.thin_maps=false)");
   return notes;
 }
 
@@ -170,6 +190,7 @@ fusion::FusionInput CloudMerger::input() const {
 }
 
 fusion::FusionResult CloudMerger::seal(WorkerPool& pool, Progress& progress) {
+  is_newer_ = false;
   return fusion::fuse(input(), options_, memo_, pool, progress);
 }
 

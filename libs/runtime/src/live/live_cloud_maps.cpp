@@ -116,7 +116,7 @@ void LiveCloud::State::take(const TierId& id, Edge& edge, Said said) {
   } else if (what == subject::kJudged) {
     edge.has_judged = true;
   } else if (what == subject::kWholeMaps) {
-    edge.sent_whole = true;
+    edge.sent_whole.insert(said.bytes);
   } else {
     throw Error(ErrorCode::kBadInput, "an edge does not say '" + what + "'");
   }
@@ -219,8 +219,13 @@ void LiveCloud::State::ask(const TierId& edge, std::vector<std::pair<std::string
   changed.notify_all();
 }
 
-bool LiveCloud::State::have_answered(bool Edge::*answer) {
-  return std::all_of(asked.begin(), asked.end(), [&](const TierId& id) { return edges.at(id).*answer; });
+bool LiveCloud::State::have_judged() const {
+  return std::all_of(asked.begin(), asked.end(), [&](const TierId& id) { return edges.at(id).has_judged; });
+}
+
+bool LiveCloud::State::have_sent_wanted() const {
+  return std::all_of(wanted.begin(), wanted.end(),
+                     [&](const auto& entry) { return edges.at(entry.first).sent_whole.count(entry.second) != 0; });
 }
 
 // In the order of edges, as one process would.
@@ -278,12 +283,18 @@ bool LiveCloud::State::advance() {
       phase = Phase::judging;
       return true;
     case Phase::judging:
-      if (!have_answered(&Edge::has_judged) && !is_forced) return false;
+      if (!have_judged() && !is_forced) return false;
+      give_finals();
       seal();
       phase = Phase::completing;
       return true;
     case Phase::completing:
-      if (!have_answered(&Edge::sent_whole) && !is_forced) return false;
+      if (!have_sent_wanted() && !is_forced) return false;
+      give_finals();
+      if (team.cloud().is_newer_than_sealed() && !maps.empty()) {
+        seal();
+        return true;
+      }
       finish();
       phase = Phase::done;
       return false;
@@ -321,24 +332,20 @@ void LiveCloud::State::begin_sealing() {
   }
 }
 
+// As tiers::seal_by_whole_maps(), a step at a time.
 void LiveCloud::State::seal() {
-  give_finals();
-  asked.clear();
+  wanted.clear();
   if (maps.empty()) return;
   sealed = team.cloud().seal(site.pool, site.progress);
-  for (const auto& [id, wanted] : team.cloud().wanted_as_whole(sealed)) {
-    std::string names;
-    for (const MapId& map : wanted) names += map.str() + "\n";
+  for (const auto& [id, whole] : team.cloud().wanted_as_whole(sealed)) {
+    std::string& names = wanted[id];
+    for (const MapId& map : whole) names += map.str() + "\n";
     ask(id, {{subject::kWanted, names}});
-    notes.push_back("edge " + id.str() +
-                    " sent whole maps: the cloud took a merge of thinned maps apart, or could not decide by them");
-    asked.insert(id);
   }
 }
 
 void LiveCloud::State::finish() {
-  give_finals();
-  if (!asked.empty()) sealed = team.cloud().seal(site.pool, site.progress);
+  for (std::string& note : team.cloud().notes(sealed)) notes.push_back(std::move(note));
   Report done = team.conclude(std::move(sealed), notes);
   for (const auto& entry : edges) ask(entry.first, {{subject::kDone, ""}});
   const std::lock_guard lock(mutex);

@@ -34,8 +34,9 @@ struct LiveCloud::State {
     transport::Channel::Health wire_before;  // counts of its wires that were closed
     // Of the merging thread.
     tiers::RoundNews news;
-    std::vector<std::pair<std::string, std::string>> finals;       // not given to the merger yet
-    bool has_judged = false, sent_whole = false, is_late = false;  // is_late: what it sends is no longer awaited
+    std::vector<std::pair<std::string, std::string>> finals;  // not given to the merger yet
+    bool has_judged = false, is_late = false;                 // is_late: what it sends is no longer awaited
+    std::set<std::string> sent_whole;                         // what was wanted of it, as it was said, and has come
   };
   struct Link {
     std::optional<NumberedWire> wire;
@@ -86,8 +87,9 @@ struct LiveCloud::State {
   std::map<RobotId, RobotRecord> records;
   fusion::FusionResult sealed;
   std::vector<std::string> notes;
-  std::set<TierId> asked;  // of them an answer is awaited
-  std::set<TierId> gone;   // what they merged does not count: their robots are elsewhere
+  std::set<TierId> asked;                // to judge
+  std::map<TierId, std::string> wanted;  // maps that are awaited as a whole, as it was said
+  std::set<TierId> gone;                 // what they merged does not count: their robots are elsewhere
   tiers::RoundMerger rounds;
 
   std::atomic<bool> keeps_previews;
@@ -121,10 +123,11 @@ struct LiveCloud::State {
   void begin_sealing();
   void seal();
   void finish();
+  bool have_judged() const;
+  bool have_sent_wanted() const;
   void give_finals();
   std::vector<std::optional<RobotResult>> robots();
   void ask(const TierId& edge, std::vector<std::pair<std::string, std::string>> words);
-  bool have_answered(bool Edge::*answer);
 };
 
 }  // namespace mapweave::runtime

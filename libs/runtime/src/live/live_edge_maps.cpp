@@ -422,7 +422,7 @@ void LiveEdge::State::answer(const Said& request) {
       begin = end + 1;
     }
     for (std::string& update : server->whole_maps(maps).for_cloud) say(subject::kFinalUpdate, std::move(update));
-    say(subject::kWholeMaps, "");
+    say(subject::kWholeMaps, request.bytes);
   }
 }
 

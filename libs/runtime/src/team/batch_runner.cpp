@@ -370,16 +370,11 @@ std::map<TierId, std::vector<Judgement>> TeamRun::judge_on_workers(const std::ma
 
 // What an edge merged and the cloud takes apart is merged anew, from the whole maps.
 void TeamRun::merge_in_cloud() {
-  team_ = cloud_.seal(pool_, progress_);
-  const auto wanted = cloud_.wanted_as_whole(team_);
-  for (MeteredEdge& edge : edges_)
-    if (const auto maps = wanted.find(edge.id()); maps != wanted.end()) {
-      report_.notes.push_back(
-          "edge " + edge.id().str() +
-          " sent whole maps: the cloud took a merge of thinned maps apart, or could not decide by them");
-      send_to_cloud(edge.whole_maps(maps->second).for_cloud, "edge " + edge.id().str());
-    }
-  if (!wanted.empty()) team_ = cloud_.seal(pool_, progress_);
+  const auto ask = [this](const TierId& id, const std::vector<MapId>& maps) {
+    for (MeteredEdge& edge : edges_)
+      if (edge.id() == id) send_to_cloud(edge.whole_maps(maps).for_cloud, "edge " + id.str());
+  };
+  team_ = tiers::seal_by_whole_maps(cloud_, ask, pool_, progress_);
   for (const std::string& note : cloud_.notes(team_)) report_.notes.push_back(note);
 }
 

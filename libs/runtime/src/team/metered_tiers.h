@@ -86,6 +86,7 @@ class MeteredCloud {
   std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult& result) {
     return cloud_.wanted_as_whole(result);
   }
+  bool is_newer_than_sealed() const { return cloud_.is_newer_than_sealed(); }
   std::vector<std::string> notes(const fusion::FusionResult& result) const { return cloud_.notes(result); }
   std::map<TierId, tiers::JudgingTask> judging_tasks(const std::set<TierId>& edges, WorkerPool& pool) {
     auto tasks = metered(fusing_s_, [&] { return cloud_.judging_tasks(edges, pool); });

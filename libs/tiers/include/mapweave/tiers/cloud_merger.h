@@ -47,14 +47,17 @@ class CloudMerger {
   fusion::FusionResult seal(WorkerPool&, Progress&);
   // After seal(), by edge: maps that it merged and that the cloud took apart; and thinned maps that stayed apart from
   // another one, though they may lie to each other as a verdict says. They stay so unless they are sent as a whole
-  // before it is asked again.
+  // and sealed again. Each map is named once.
   std::map<TierId, std::vector<MapId>> wanted_as_whole(const fusion::FusionResult&);
-  // For people: which of these no edge sent, since it is gone, so that they stay thinned. After the last seal().
+  // Since seal() whole maps came in place of thinned ones.
+  bool is_newer_than_sealed() const { return is_newer_; }
+  // For people: which edges sent wanted maps; which of these no edge sent, since it is gone, so that they stay thinned.
+  // After the last seal().
   std::vector<std::string> notes(const fusion::FusionResult&) const;
 
  private:
   fusion::FusionInput input() const;
-  std::map<TierId, std::vector<MapId>> taken_apart(const fusion::FusionResult&) const;
+  TierId edge_of(const MapId&) const;
 
   TierId cloud_;
   fusion::FusionOptions options_;
@@ -65,8 +68,22 @@ class CloudMerger {
   std::vector<MergedMaps> merged_;
   std::set<MapId> came_whole_;   // in place of thinned ones
   std::set<MapId> taken_apart_;  // of what edges had merged
+  std::set<MapId> asked_;        // wanted as a whole
+  bool is_newer_ = false;        // than what was sealed
   fusion::Memo memo_;
   std::shared_ptr<matching::ModelCache> models_;
 };
+
+// Seals, and seals again as long as whole maps come: wanted by the last result, which no map is twice. `ask`, called
+// with an edge and its maps, lets the cloud receive them. Returns the last result.
+template <class Cloud, class Ask>
+fusion::FusionResult seal_by_whole_maps(Cloud& cloud, Ask&& ask, WorkerPool& pool, Progress& progress) {
+  fusion::FusionResult result;
+  do {
+    result = cloud.seal(pool, progress);
+    for (const auto& [edge, maps] : cloud.wanted_as_whole(result)) ask(edge, maps);
+  } while (cloud.is_newer_than_sealed());
+  return result;
+}
 
 }  // namespace mapweave::tiers

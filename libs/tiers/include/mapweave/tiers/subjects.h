@@ -19,7 +19,7 @@ inline constexpr char kSensed[] = "sensed";
 // Edge -> cloud. Previews: a round is its updates and merges, then its end. What the final map rests on: MapUpdates and
 // MergedMaps as EdgeServer sends them, then that it has fused; with a coordinator, first whose they are, in place of
 // all that the edge said of this before. For the folder of results: each robot's whole map and report. Answers:
-// judgements and whole maps as MapUpdates, then that this is all.
+// judgements and whole maps as MapUpdates, then that this is all; of whole maps with the words of `wanted`.
 inline constexpr char kPreviewUpdate[] = "preview_update", kPreviewMerged[] = "preview_merged",
                       kPreviewEnd[] = "preview_end", kFinalBegin[] = "final_begin", kFinalUpdate[] = "final_update",
                       kMerged[] = "merged", kFused[] = "fused", kRobotMap[] = "robot_map",
