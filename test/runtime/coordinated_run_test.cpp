@@ -85,9 +85,47 @@ TEST_F(CoordinatedRun, sees_the_maps_of_helpers_as_they_grow) {
     EXPECT_EQ(decisions.front().unknown.size(), 2u) << name << ": neither a map nor a route yet";
     EXPECT_TRUE(decisions.back().unknown.empty()) << name;
     EXPECT_FALSE(decisions.back().overlaps.empty()) << name;
-    EXPECT_GT(report.coordination->summary_s, 0.0) << name;
     EXPECT_THAT(in_words(report, name), testing::HasSubstr("blindly"));
   }
+}
+
+// One robot: every summary is the slowest.
+TEST_F(CoordinatedRun, says_how_long_summaries_take_from_where_the_maps_are) {
+  configuration.robots.resize(1);
+  configuration.coordinator.method = scheduling::PlanMethod::standard;
+  configuration.network.edge_cloud.bytes_per_s = 1000.0;
+  configuration.network.robot_edge.bytes_per_s = 500.0;
+  configuration.network.robot_cloud.bytes_per_s = 250.0;
+  TierId edge;
+  std::string name;
+  const auto expect_rate = [&](double bytes_per_s) {
+    const Report report = run(name);
+    const CoordinationReport& coordination = *report.coordination;
+    edge = report.work.robots.at(0).edge;
+    EXPECT_GT(coordination.summary_bytes, 100u) << name;
+    const double expected_s = bytes_per_s > 0.0 ? static_cast<double>(coordination.summary_bytes) / bytes_per_s : 0.0;
+    EXPECT_NEAR(coordination.summary_s, expected_s, 1e-9 * expected_s) << name;
+  };
+  name = "edge-to-cloud";
+  expect_rate(1000.0);
+  const std::string here = edge.str(), other = here == "north" ? "south" : "north";
+  name = "at-its-edge";
+  configuration.coordinator.at = here;
+  expect_rate(0.0);
+  name = "at-another-edge";
+  configuration.coordinator.at = other;
+  expect_rate(1000.0);
+  name = "cloud-at-its-edge";
+  configuration.coordinator.at.clear();
+  configuration.cloud.at = here;
+  expect_rate(0.0);
+
+  configuration.mode = Mode::onboard;
+  name = "robot-to-cloud-at-an-edge";
+  expect_rate(500.0);
+  name = "robot-to-cloud";
+  configuration.cloud.at.clear();
+  expect_rate(250.0);
 }
 
 TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {

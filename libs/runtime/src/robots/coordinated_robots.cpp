@@ -81,17 +81,31 @@ transport::LinkState CoordinatedRobots::link(const std::string& from, const std:
   return wire->second.state_at(now_s);
 }
 
-// From the robot to where the coordinator is.
+// From where the robot's map is to where the coordinator is: from the edge that maps it, or from the robot itself.
 double CoordinatedRobots::summary_seconds(const RobotId& robot, std::size_t bytes, double now_s) {
-  const bool is_in_cloud = configuration_.coordinator.at.empty();
-  const transport::LinkState wire = link(robot.str(), is_in_cloud ? "cloud" : configuration_.coordinator.at,
-                                         is_in_cloud ? plan_.network.robot_cloud : plan_.network.robot_edge, now_s);
+  const NetworkOptions& network = plan_.network;
+  const auto planned =
+      std::find_if(plan_.robots.begin(), plan_.robots.end(), [&](const PlannedRobot& one) { return one.id == robot; });
+  const bool is_on_edge = configuration_.mode == Mode::offload && !planned->edge.empty();
+  const std::string from = is_on_edge ? planned->edge.str() : robot.str();
+  const std::string to = configuration_.coordinator.at.empty() ? cloud_place() : configuration_.coordinator.at;
+  if (from == to) return 0.0;
+  const bool is_in_cloud = to == cloud_tier().str();
+  const transport::LinkState wire = link(from, to,
+                                         is_on_edge    ? network.edge_cloud
+                                         : is_in_cloud ? network.robot_cloud
+                                                       : network.robot_edge,
+                                         now_s);
   return static_cast<double>(bytes) / planned_bytes_per_s(wire) + wire.delay_s;
+}
+
+std::string CoordinatedRobots::cloud_place() const {
+  return configuration_.cloud.at.empty() ? cloud_tier().str() : configuration_.cloud.at;
 }
 
 void CoordinatedRobots::report_edges_and_wires(double now_s) {
   const NetworkOptions& network = plan_.network;
-  const std::string cloud = configuration_.cloud.at.empty() ? "cloud" : configuration_.cloud.at;
+  const std::string cloud = cloud_place();
   for (const TierId& id : plan_.edges) {
     const EdgeEntry entry = edge_entry(configuration_, id);
     if (now_s < entry.from_s || (entry.until_s > 0.0 && now_s >= entry.until_s)) {

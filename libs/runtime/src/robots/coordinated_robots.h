@@ -36,6 +36,7 @@ class CoordinatedRobots {
   void report_edges_and_wires(double now_s);
   transport::LinkState link(const std::string& from, const std::string& to,
                             const transport::LinkModelOptions& otherwise, double now_s);
+  std::string cloud_place() const;  // the edge that stands for it, or its own name
   double summary_seconds(const RobotId& robot, std::size_t bytes, double now_s);
   void decide(double now_s, LasersInStep& lasers, WorkerPool&);
   bool decide(double now_s);
