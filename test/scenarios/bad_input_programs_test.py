@@ -85,7 +85,7 @@ class Programs(bad_input_broker_test.OfTwoRobots):
             break
         tier = status["tiers"][0]
         with held(programs["alpha"]):   # it says nothing itself
-            for word in (b"{", b'{"tiers": [], "said_at_ns": 1e300}', {"findings": [7]}, {"links": {"a": "b"}}, {"links": [{"name": 5}]}, {"state": {}}):
+            for word in (b'{"tiers": [], "said_at_ns": 1e300}', {"findings": [7]}, {"links": [{"name": 5}]}):
                 stranger.publish(subject, word if isinstance(word, bytes) else json.dumps({**status, "tiers": [{**tier, **word}]}).encode())
                 time.sleep(0.2)
                 found = self.doctor()
