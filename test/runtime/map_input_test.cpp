@@ -90,6 +90,28 @@ TEST_F(JournalAsInput, gives_all_that_a_killed_server_had_kept) {
   EXPECT_THAT(input.files, testing::ElementsAre(path, folder / "edge.mwj-wal"));
 }
 
+// More than a server holds in memory by default, of which the client forgot all but one.
+TEST_F(JournalAsInput, gives_what_the_server_kept_on_its_disk) {
+  const ReceivedUpdate& begun = received_updates().front();
+  MapUpdate many = decode_map_update(begun.bytes, "test");
+  Node keyframe = many.nodes.front();
+  KeyframeFeatures features = *keyframe_of(keyframe);
+  features.points.clear();
+  features.descriptors.clear();
+  keyframe.payload = std::make_shared<const Payload>(std::move(features));
+  const auto count = static_cast<std::uint32_t>(tiers::ServerOptions().keyframes + 300);
+  many.nodes.clear();
+  many.landmarks.clear();
+  for (keyframe.id.index = 0; keyframe.id.index < count; ++keyframe.id.index) {
+    many.nodes.push_back(keyframe);
+    if (keyframe.id.index + 1 < count) many.forgotten_nodes.push_back(keyframe.id);
+  }
+  mapdb::UpdateJournal(path).append({{begun.from, encode(many)}});
+  const MapInput input = read_map_input(path, MapId("edge"));
+  ASSERT_EQ(input.maps.size(), 1U);
+  EXPECT_EQ(input.maps.front().nodes.size(), count);
+}
+
 TEST_F(JournalAsInput, is_merged_as_a_store_of_the_same_maps_is) {
   mapdb::UpdateJournal(path).append(entries());
   fs::create_directory(folder / "store");

@@ -1,5 +1,6 @@
 """Cameras of robots that are programs of their own share while they drive, through a broker on this machine, though their edge is killed."""
 import json
+import shutil
 import signal
 import time
 
@@ -45,6 +46,7 @@ class ServeSharing(serve_test.WithBroker):
         edge.wait()
         time.sleep(1.0)
         self.assertTrue((self.folder / "mapweave-store/cameras/north.mwj").exists())
+        shutil.copytree(self.folder / "mapweave-store/cameras", self.folder / "left")
         edge = start_edge()
         self.wait_for(lambda: counts().get("camera_views", 0) > 4, "cameras do not come back")
         seen = counts()
@@ -65,6 +67,11 @@ class ServeSharing(serve_test.WithBroker):
 
     def test_landmarks_in_view_are_shared(self):
         self.share("view")
+        # What the killed edge left is where another session begins.
+        self.mapweave("slam", "logs/beta.rawlog", "--robot", "gamma", "--set", "sensor=rgbd", "--map", "left/north.mwj", "--out", "next",
+                      code=(support.DONE, support.APART), seconds=300)
+        compared = {name for pair in self.read_json("next/merges.json") for name in (pair["a"], pair["b"])}
+        self.assertEqual({name.split(".")[0] for name in compared}, {"alpha", "beta", "gamma"})
 
     def test_the_global_map_is_shared(self):
         self.assertGreater(sum(camera["shared_keyframes"]["kept"] for camera in self.share("global") if "shared_keyframes" in camera), 0)

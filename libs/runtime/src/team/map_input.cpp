@@ -11,6 +11,7 @@
 #include <mapweave/tiers/visual_server.h>
 
 #include <algorithm>
+#include <limits>
 
 namespace mapweave::runtime {
 namespace {
@@ -18,12 +19,18 @@ namespace {
 // Merging takes minutes and gigabytes for more: not for what looks like no map.
 constexpr std::ptrdiff_t kMostDoubtfulWalls = 4'000'000;
 
-// What a server that goes on from there would have of its clients.
-std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
+// What a server that goes on from there would have of its clients, on its disk too.
+MapInput journal_input(const std::filesystem::path& path) {
+  MapInput input;
   mapdb::UpdateJournal journal = mapdb::UpdateJournal::left_behind(path);
-  tiers::VisualServer server(TierId("journal"), {}, {});
+  tiers::ServerOptions options;
+  options.keyframes = std::numeric_limits<int>::max();
+  tiers::VisualServer server(TierId("journal"), options, {});
   journal.replay([&](const mapdb::JournalEntry& entry) {
-    if (entry.vetoed) return;
+    if (entry.vetoed) {
+      input.vetoed.insert(*entry.vetoed);
+      return;
+    }
     try {
       server.greet({entry.from, server.vocabulary()});
       server.receive(entry.from, entry.update);
@@ -32,7 +39,9 @@ std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
                   "take an undamaged copy of the journal");
     }
   });
-  return server.maps();
+  input.maps = server.maps();
+  input.files = mapdb::UpdateJournal::files_of(path);
+  return input;
 }
 
 // Stores of earlier versions do not say it; what made them would give them that of a new map today.
@@ -123,7 +132,7 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
     return input;
   }
   if (ending == ".mwj") {
-    MapInput input{maps_of_journal(path), {}, mapdb::UpdateJournal::files_of(path), {}};
+    MapInput input = journal_input(path);
     if (input.maps.empty())
       throw Error(ErrorCode::kBadInput, "there is no map in it: no client published anything to its server",
                   path.string(), "take a journal that holds maps");

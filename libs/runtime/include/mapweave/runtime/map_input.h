@@ -1,11 +1,13 @@
 #pragma once
 // A map that is given by its path: what merge, export and inspect read.
 
+#include <mapweave/core/hash.h>
 #include <mapweave/maps/map.h>
 #include <mapweave/maps/map_identity.h>
 
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,6 +20,7 @@ struct MapInput {
   std::vector<std::string> notes;                    // for people: oddities of a grid
   std::map<std::string, std::string> metadata = {};  // metadata of a store
   MapIdentity identity = {};                         // identity of a store of one map
+  std::set<Hash> vetoed = {};                        // of a journal: judgements that its server did not believe
 };
 
 // A store (.mwdb), a camera map server's journal (.mwj: its clients' own maps, one by one), a map_server grid (.yaml),
