@@ -12,7 +12,7 @@ namespace mapweave::app {
 Action set_up_merge(CLI::App& verb) {
   struct Arguments {
     std::vector<std::filesystem::path> maps;
-    std::vector<std::string> without, refused, anchors;
+    std::vector<std::string> without, refused, vetoed, anchors;
     std::string frame;
     bool forget = false;
     WritingFlags flags;
@@ -38,20 +38,27 @@ Action set_up_merge(CLI::App& verb) {
   verb.add_option("--refuse", arguments->refused, "never match the maps of these two robots to each other; repeatable")
       ->type_name("A,B")
       ->allow_extra_args(false);
+  verb.add_option("--veto", arguments->vetoed,
+                  "do not believe this judgement, which merges.json names among a pair's witnesses: what rests on it "
+                  "stays apart; repeatable")
+      ->type_name("ID")
+      ->allow_extra_args(false);
   verb.add_option("--anchor", arguments->anchors,
                   "a prior: where B's map frame (where B began) lies in A's, in metres and radians, with its standard "
                   "deviation (0.5 m; "
                   "0.1 rad). Walls may contradict it, and a note says so; repeatable")
       ->type_name("A,B,x,y,yaw[,sigma[,sigma_yaw]]")
       ->allow_extra_args(false);
-  verb.add_flag("--forget-requests", arguments->forget,
-                "drop what was said when the given teams were made (refusals, priors, starts, options of fusion); else "
-                "it holds again");
+  verb.add_flag(
+      "--forget-requests", arguments->forget,
+      "drop what was said when the given teams were made (refusals, vetoes, priors, starts, options of fusion); else "
+      "it holds again");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     runtime::MergeRequests requests;
     requests.without = arguments->without;
     for (const std::string& pair : arguments->refused) requests.refused.push_back(runtime::parse_pair(pair));
+    for (const std::string& id : arguments->vetoed) requests.vetoed.insert(runtime::parse_veto(id));
     for (const std::string& anchor : arguments->anchors) requests.anchors.push_back(runtime::parse_anchor(anchor));
     std::vector<std::string> frame;
     if (!arguments->frame.empty()) frame.push_back("team.frame=" + arguments->frame);

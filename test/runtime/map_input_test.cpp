@@ -126,6 +126,25 @@ TEST_F(JournalAsInput, is_merged_as_a_store_of_the_same_maps_is) {
   EXPECT_EQ(merge(path, "of-journal"), merge(folder / "store/edge.mwdb", "of-store"));
 }
 
+TEST_F(JournalAsInput, keeps_apart_what_its_server_did_not_believe) {
+  mapdb::UpdateJournal(path).append(entries());
+  WorkerPool pool(1);
+  const auto merge = [&](const std::string& out, bool forgets = false) {
+    return run_merge({}, {path}, {folder / out, false, {}, forgets}, pool, *make_silent_progress()).team;
+  };
+  merge("joined");
+  std::vector<mapdb::JournalEntry> vetoes;
+  for (const Judgement& judgement : mapdb::read_store(folder / "joined/team/map.mwdb").judgements)
+    vetoes.push_back({{}, {}, judgement.id});
+  ASSERT_FALSE(vetoes.empty());
+  mapdb::UpdateJournal(path).append(vetoes);
+  EXPECT_EQ(read_map_input(path, MapId("edge")).vetoed.size(), vetoes.size());
+  const auto apart = merge("apart");
+  EXPECT_EQ(apart.components.size(), 2U);
+  EXPECT_EQ(apart.verdicts.at(0).reason, Reason::vetoed);
+  EXPECT_EQ(merge("forgotten", true).components.size(), 1U);
+}
+
 TEST_F(JournalAsInput, is_refused_where_it_is_damaged) {
   mapdb::UpdateJournal(path).append(entries());
   fs::resize_file(path, fs::file_size(path) / 2);

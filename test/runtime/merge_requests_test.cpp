@@ -1,8 +1,11 @@
+#include "simulated_team.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/explanation.h>
 #include <mapweave/runtime/merge_runner.h>
 #include <support/pose_matchers.h>
@@ -293,6 +296,43 @@ TEST_F(MergeRequestsTest, two_teams_made_with_different_options_are_merged_with_
   RunConfiguration written;
   load(written, {{folder / "both/config.yaml"}, {}, {}});
   EXPECT_EQ(written.fusion.merge_probability, fusion::FusionOptions().merge_probability);
+}
+
+TEST_F(MergeRequestsTest, a_veto_holds_until_it_is_dropped_or_one_of_its_maps_is_left_out) {
+  const Report all = merge(robots({0, 1}), "all");
+  ASSERT_EQ(all.team.verdicts.size(), 1U);
+  ASSERT_FALSE(all.team.verdicts[0].witnesses.empty());
+  const std::string id = to_hex(all.team.verdicts[0].witnesses[0]);
+  MergeRequests requests;
+  for (const Hash& witness : all.team.verdicts[0].witnesses) requests.vetoed.insert(parse_veto(to_hex(witness)));
+  const Report apart = merge({folder / "all"}, "apart", requests);
+  ASSERT_EQ(apart.team.components.size(), 2U);
+  EXPECT_EQ(apart.team.verdicts.at(0).reason, Reason::vetoed);
+  const Report again = merge({folder / "apart"}, "again");
+  EXPECT_THAT(in_words(again, "again"),
+              testing::ContainsRegex("note: as before: judgement [0-9a-f]+ of robot0 and robot1 is not believed"));
+  expect_same_maps("apart", "again");
+  EXPECT_EQ(merge_anew({folder / "apart"}, "forgotten").team.components.size(), 1U);
+  merge(robots({0}), "alone");
+  const Report without = merge({folder / "apart"}, "without", {{"robot1"}, {}, {}});
+  EXPECT_THAT(in_words(without, "without"), testing::Not(HasSubstr("as before")));
+  expect_same_maps("alone", "without");
+
+  // A run that begins with them.
+  RunConfiguration one = test_support::simulated_team().configuration();
+  one.robots.resize(1);
+  one.robots[0].edge.clear();
+  one.edges.clear();
+  one.maps = {(folder / "apart").string()};
+  const Report next = run_batch(one, make_plan(one, {}), {folder / "next", false, false}, pool, *progress);
+  EXPECT_THAT(next.notes, testing::Contains(HasSubstr("as before: judgement ")));
+  const auto is_vetoed = [](const Verdict& verdict) { return verdict.reason == Reason::vetoed; };
+  EXPECT_EQ(std::count_if(next.team.verdicts.begin(), next.team.verdicts.end(), is_vetoed), 1);
+
+  requests.vetoed = {hash_of_bytes("no judgement")};
+  EXPECT_THAT(in_words(merge(robots({0, 1}), "unknown", requests), "unknown"), HasSubstr("changes nothing"));
+  for (const std::string& bad : {std::string("alpha,beta"), id.substr(1), "g" + id.substr(1), id + "0"})
+    EXPECT_THROW(parse_veto(bad), Error) << bad;
 }
 
 TEST_F(MergeRequestsTest, damaged_requests_of_a_store_are_named) {

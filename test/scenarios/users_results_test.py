@@ -218,6 +218,20 @@ class NotMerged(Session):
         self.assertEqual(self.robots_in("undone"), self.robots_in("first"))
         self.assert_same_map("undone/team-1", "first/team-1")
 
+        # Judgements that are not believed, until the vetoes are taken back.
+        self.mapweave("merge", "first", "--out", "believed", code=APART)
+        witnesses = [pair["witnesses"] for pair in self.read_json("believed/merges.json") if (pair["a"], pair["b"]) == ("alpha", "beta")][0]
+        self.mapweave("merge", "first", *(word for witness in witnesses for word in ("--veto", witness)), "--out", "vetoed", code=APART)
+        self.assertEqual(len(self.robots_in("vetoed")), 3)
+        self.assertIn("vetoed", [pair["reason"] for pair in self.read_json("vetoed/merges.json")])
+        again = self.mapweave("merge", "vetoed", "--out", "vetoed-still", code=APART)
+        self.assertRegex(again.stdout, "note: as before: judgement [0-9a-f]{64} of alpha and beta is not believed")
+        self.assertEqual(len(self.robots_in("vetoed-still")), 3)
+        self.mapweave("merge", "vetoed", "--forget-requests", "--frame", "alpha", "--out", "believed-again", code=APART)
+        self.assertEqual(self.robots_in("believed-again"), self.robots_in("first"))
+        self.assert_says(self.mapweave("merge", "first", "--veto", "alpha,beta", "--out", "no", code=USAGE), "--veto", "witnesses")
+        self.assertIn("its veto (--veto) changes nothing", self.mapweave("merge", "first", "--veto", 64 * "0", "--out", "nothing", code=APART).stdout)
+
         # Without the robot that does not belong: exit code 0, and the map that never had it.
         done = self.mapweave("merge", "first", "--without", "hall", "--out", "two")
         self.assertIn("left out: hall", done.stdout)

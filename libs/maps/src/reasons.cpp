@@ -39,7 +39,7 @@ std::string_view what_helps(Reason reason) {
     case Reason::unobservable: return "drive around a corner, or give a prior (--anchor)";
     case Reason::inconsistent:
       return "look at the other alignments (mapweave explain); leave out a robot whose map is wrong (--without)";
-    case Reason::vetoed: return "take the veto back";
+    case Reason::vetoed: return "merge without --veto";
     case Reason::too_few_witnesses: return "drive more of what the other robot saw, or give a prior (--anchor)";
     case Reason::excluded: return "merge without --refuse";
     case Reason::same_recording: return "leave one of them out (--without)";

@@ -176,6 +176,7 @@ fusion::FusionInput CloudMerger::input() const {
   input.by = cloud_;
   input.priors = priors_;
   input.refused = refused_;
+  input.vetoed = vetoed_;
   input.models = models_;
   input.merged = merged_;
   input.maps = starts_;

@@ -100,6 +100,25 @@ std::pair<std::string, std::string> parse_pair(std::string_view text, const Requ
   return {std::string(text.substr(0, comma)), std::string(text.substr(comma + 1))};
 }
 
+std::optional<Hash> hash_in_hex(std::string_view text) {
+  Hash hash;
+  if (text.size() != 2 * hash.bytes.size()) return std::nullopt;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char letter = text[i];
+    const bool is_number = letter >= '0' && letter <= '9';
+    if (!is_number && (letter < 'a' || letter > 'f')) return std::nullopt;
+    const int digit = is_number ? letter - '0' : letter - 'a' + 10;
+    hash.bytes[i / 2] = static_cast<std::uint8_t>(hash.bytes[i / 2] << 4U | digit);
+  }
+  return hash;
+}
+
+Hash parse_veto(std::string_view text) {
+  if (const auto hash = hash_in_hex(text)) return *hash;
+  throw Error(ErrorCode::kUsage, "'" + std::string(text) + "' is no judgement", kVetoFlag,
+              "write the 64 digits of one of `witnesses` in merges.json");
+}
+
 std::vector<Map> without(std::vector<Map> maps, const std::vector<std::string>& names) {
   std::vector<MapId> gone;
   for (const std::string& name : names)
@@ -111,6 +130,7 @@ std::vector<Map> without(std::vector<Map> maps, const std::vector<std::string>& 
 }
 
 void apply(const MergeRequests& requests, fusion::FusionInput& input, const std::string& refused_at) {
+  input.vetoed.insert(requests.vetoed.begin(), requests.vetoed.end());
   for (const auto& [one, other] : requests.refused)
     for (const MapId& a : maps_called(one, input.maps, refused_at))
       for (const MapId& b : maps_called(other, input.maps, refused_at)) {

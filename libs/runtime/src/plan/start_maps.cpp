@@ -217,6 +217,7 @@ void take(ReadSource& read, std::size_t source, const SessionNames& names, Start
 void apply_kept(const std::vector<KeptRequests>& kept, const RunConfiguration& configuration, StartMaps& starts) {
   fusion::FusionInput input;
   input.maps = std::move(starts.maps);
+  input.vetoed = std::move(starts.vetoed);
   const std::vector<std::string> here = kept_requests(input, configuration.fusion).options;
   for (const KeptRequests& one : kept) {
     apply(one, input, starts.notes);
@@ -229,6 +230,7 @@ void apply_kept(const std::vector<KeptRequests>& kept, const RunConfiguration& c
   starts.maps = std::move(input.maps);
   starts.priors = std::move(input.priors);
   starts.refused = std::move(input.refused);
+  starts.vetoed = std::move(input.vetoed);
 }
 
 }  // namespace
@@ -254,6 +256,7 @@ StartMaps read_start_maps(const RunConfiguration& configuration, const RunPlan& 
       starts.files.push_back({file.string(), hash_of_file(file)});
     kept.push_back(renamed(kept_in(sources[i].content.metadata, sources[i].path.string()),
                            [&](const MapId& map) { return names.map(i, map); }));
+    starts.vetoed.insert(sources[i].content.vetoed.begin(), sources[i].content.vetoed.end());
     take(sources[i], i, names, starts);
     sources[i].content = {};
   }

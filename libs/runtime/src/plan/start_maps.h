@@ -20,6 +20,7 @@ struct StartMaps {
   std::vector<GivenMap> given;  // in the order in which they were given
   std::vector<fusion::MapPrior> priors;
   std::set<std::pair<MapId, MapId>> refused;
+  std::set<Hash> vetoed;                   // judgements not to be believed
   std::map<MapId, std::string> cut_short;  // where an interruption ended the log of a map
   std::vector<InputFile> files;
   std::vector<std::string> notes;

@@ -111,6 +111,7 @@ TeamRun::TeamRun(const RunConfiguration& configuration, const RunPlan& plan, con
   report_.notes = starts_.notes;
   inputs_ = starts_.files;
   cloud_.begin_with(starts_.maps);
+  cloud_.set_vetoed(starts_.vetoed);
   frame_request();  // says now what is wrong with it
   if (settings.cluster == nullptr) return;
   expect_cluster(configuration, plan);
@@ -420,6 +421,7 @@ void TeamRun::write() {
   results_.set_cut_short(starts_.cut_short);
   KeptRequests requests = kept_requests(priors_, configuration_.fusion);
   requests.refused = refused_;
+  requests.vetoed = vetoes_of(starts_.vetoed, own_maps(), team_);
   results_.set_requests(std::move(requests));
   write_edges();
   write_team();

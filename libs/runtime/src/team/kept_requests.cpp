@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/options.h>
+#include <mapweave/runtime/merge_requests.h>
 
 #include <nlohmann/json.hpp>
 
@@ -55,6 +56,21 @@ KeptRequests kept_requests(const fusion::FusionInput& input, const fusion::Fusio
   return kept;
 }
 
+std::map<Hash, std::pair<MapId, MapId>> vetoes_of(const std::set<Hash>& vetoed, const std::vector<const Map*>& maps,
+                                                  const fusion::FusionResult& result) {
+  std::map<Hash, std::pair<MapId, MapId>> known;
+  const auto map_of = [&](const SubmapId& place) -> const Map* {
+    const auto map = std::find_if(maps.begin(), maps.end(), [&](const Map* one) { return holds(*one, place); });
+    return map == maps.end() ? nullptr : *map;
+  };
+  for (const Judgement& judgement : result.judgements) {
+    if (vetoed.count(judgement.id) == 0) continue;
+    const Map *a = map_of(judgement.a), *b = map_of(judgement.b);
+    if (a != nullptr && b != nullptr) known[judgement.id] = std::minmax(a->id, b->id);
+  }
+  return known;
+}
+
 void keep(const KeptRequests& kept, const std::vector<MapId>& maps, std::map<std::string, std::string>& metadata) {
   const auto concerns = [&](const MapId& a, const MapId& b) {
     return std::any_of(maps.begin(), maps.end(), [&](const MapId& map) { return map == a || map == b; });
@@ -62,6 +78,8 @@ void keep(const KeptRequests& kept, const std::vector<MapId>& maps, std::map<std
   Json json = Json::object();
   for (const auto& [a, b] : kept.refused)
     if (concerns(a, b)) json["refused"].push_back({a.str(), b.str()});
+  for (const auto& [id, of] : kept.vetoed)
+    if (concerns(of.first, of.second)) json["vetoed"].push_back({to_hex(id), of.first.str(), of.second.str()});
   for (const fusion::MapPrior& prior : kept.priors)
     if (concerns(prior.a, prior.b))
       json["priors"].push_back({{"a", prior.a.str()},
@@ -78,10 +96,19 @@ KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const s
   KeptRequests kept;
   const auto text = metadata.find(kKey);
   if (text == metadata.end()) return kept;
+  const auto unreadable = [&] {
+    return Error(ErrorCode::kCorrupt, "what was said when it was merged cannot be read", where,
+                 "merge its robots' own maps again");
+  };
   try {
     const Json json = Json::parse(text->second);
     for (const Json& pair : json.value("refused", Json::array()))
       kept.refused.insert(std::minmax(MapId(pair.at(0).get<std::string>()), MapId(pair.at(1).get<std::string>())));
+    for (const Json& veto : json.value("vetoed", Json::array())) {
+      const auto id = hash_in_hex(veto.at(0).get<std::string>());
+      if (!id) throw unreadable();
+      kept.vetoed[*id] = std::minmax(MapId(veto.at(1).get<std::string>()), MapId(veto.at(2).get<std::string>()));
+    }
     for (const Json& prior : json.value("priors", Json::array())) {
       const Json& pose = prior.at("a_from_b");
       kept.priors.push_back({MapId(prior.at("a").get<std::string>()), MapId(prior.at("b").get<std::string>()),
@@ -91,8 +118,7 @@ KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const s
     kept.options = json.value("options", std::vector<std::string>());
     kept.vocabulary = json.value("vocabulary", std::string());
   } catch (const Json::exception&) {
-    throw Error(ErrorCode::kCorrupt, "what was said when it was merged cannot be read", where,
-                "merge its robots' own maps again");
+    throw unreadable();
   }
   return kept;
 }
@@ -101,6 +127,7 @@ KeptRequests renamed(const KeptRequests& kept, const std::function<MapId(const M
   KeptRequests result = kept;
   result.refused.clear();
   for (const auto& [a, b] : kept.refused) result.refused.insert(std::minmax(name_of(a), name_of(b)));
+  for (auto& [id, of] : result.vetoed) of = std::minmax(name_of(of.first), name_of(of.second));
   for (fusion::MapPrior& prior : result.priors) {
     prior.a = name_of(prior.a);
     prior.b = name_of(prior.b);
@@ -124,6 +151,10 @@ void apply(const KeptRequests& kept, fusion::FusionInput& input, std::vector<std
   for (const auto& [a, b] : kept.refused)
     if (is_there(a) && is_there(b) && input.refused.insert({a, b}).second)
       notes.push_back("as before: " + a.str() + " and " + b.str() + " are never matched to each other (--refuse)");
+  for (const auto& [id, of] : kept.vetoed)
+    if (is_there(of.first) && is_there(of.second) && input.vetoed.insert(id).second)
+      notes.push_back("as before: judgement " + to_hex(id) + " of " + of.first.str() + " and " + of.second.str() +
+                      " is not believed (--veto)");
   for (const fusion::MapPrior& prior : kept.priors) {
     const bool is_said_anew = std::any_of(input.priors.begin(), input.priors.end(), [&](const fusion::MapPrior& other) {
       return std::minmax(other.a, other.b) == std::minmax(prior.a, prior.b);

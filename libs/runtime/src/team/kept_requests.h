@@ -13,7 +13,8 @@
 namespace mapweave::runtime {
 
 struct KeptRequests {
-  std::set<std::pair<MapId, MapId>> refused;  // the lower id first
+  std::set<std::pair<MapId, MapId>> refused;       // the lower id first
+  std::map<Hash, std::pair<MapId, MapId>> vetoed;  // judgements that are not believed, each of two maps
   std::vector<fusion::MapPrior> priors;
   std::vector<std::string> options;  // that decide and are not as by default: "fusion.merge_probability=0.9"
   std::string vocabulary;            // hash of the one that was given; empty: the shipped one
@@ -21,6 +22,10 @@ struct KeptRequests {
 
 KeptRequests kept_requests(const fusion::FusionInput&, const fusion::FusionOptions&);
 KeptRequests kept_requests(std::vector<fusion::MapPrior>, const fusion::FusionOptions&);
+
+// Those of `vetoed` that the result knows, with the maps that they are of.
+std::map<Hash, std::pair<MapId, MapId>> vetoes_of(const std::set<Hash>& vetoed, const std::vector<const Map*>& maps,
+                                                  const fusion::FusionResult&);
 
 // Puts what concerns any of these maps into the metadata of their store; nothing where nothing was said.
 void keep(const KeptRequests&, const std::vector<MapId>& maps, std::map<std::string, std::string>& metadata);

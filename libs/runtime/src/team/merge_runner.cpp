@@ -25,6 +25,7 @@ struct Inputs {
   std::vector<InputFile> files;
   std::vector<std::string> notes;
   std::vector<KeptRequests> kept;          // of each team's store
+  std::set<Hash> vetoed;                   // of journals
   std::map<MapId, std::string> cut_short;  // where an interruption ended the log of a map
 };
 
@@ -149,6 +150,7 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
     inputs.notes.insert(inputs.notes.end(), input.content.notes.begin(), input.content.notes.end());
     for (const std::filesystem::path& file : input.content.files)
       inputs.files.push_back({file.string(), hash_of_file(file)});
+    inputs.vetoed.insert(input.content.vetoed.begin(), input.content.vetoed.end());
     if (!input.content.members.empty()) continue;
     expect_one_robot_each(input, requests);
     std::vector<Map>& maps = input.content.maps;
@@ -185,6 +187,19 @@ MergeRequests refused_by(const TeamMapOptions& team, const Origins& origins) {
   return requests;
 }
 
+// Those that say nothing. Where maps stay apart by one veto, places of theirs that others name are not looked at.
+void note_vetoes(const std::set<Hash>& vetoed, const KeptRequests& said, const fusion::FusionResult& team,
+                 std::vector<std::string>& notes) {
+  if (std::any_of(team.verdicts.begin(), team.verdicts.end(),
+                  [](const Verdict& verdict) { return verdict.reason == Reason::vetoed; }))
+    return;
+  for (const Hash& id : vetoed)
+    if (said.vetoed.count(id) == 0)
+      notes.push_back("judgement " + to_hex(id) +
+                      " is none of these maps: its veto (--veto) changes nothing; take it from `witnesses` in "
+                      "merges.json of a merge of the same maps");
+}
+
 FrameRequest frame_request(const std::string& text, const Inputs& inputs) {
   return parse_frame(text, with_names_of(inputs.given, inputs.maps), {ErrorCode::kUsage, "--frame"});
 }
@@ -196,7 +211,10 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   RunConfiguration configuration = given;
   Results results(settings.out, settings.force, configuration, pool, progress);
   Inputs inputs = read_inputs(paths, settings.requests);
-  if (settings.forget_requests) inputs.kept.clear();
+  if (settings.forget_requests) {
+    inputs.kept.clear();
+    inputs.vetoed.clear();
+  }
   Report report;
   report.notes = inputs.notes;
   apply_options(inputs.kept, settings.origins, configuration, report.notes);
@@ -208,6 +226,7 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   input.maps = inputs.maps;
   apply(settings.requests, input);
   apply(refused_by(configuration.team, settings.origins), input, "team.refuse");
+  input.vetoed.insert(inputs.vetoed.begin(), inputs.vetoed.end());
   for (const KeptRequests& kept : inputs.kept) {
     apply(kept, input, report.notes);
     note_vocabulary(kept, configuration.fusion, report.notes);
@@ -244,7 +263,10 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   const std::vector<TeamFrame> frames = choose_frames(frame, own_maps, team);
   report.team = Results::report_of(cloud_tier(), team, frames);
   results.set_own_maps(own_maps);
-  results.set_requests(kept_requests(input, configuration.fusion));
+  KeptRequests said = kept_requests(input, configuration.fusion);
+  said.vetoed = vetoes_of(input.vetoed, own_maps, team);
+  note_vetoes(settings.requests.vetoed, said, team, report.notes);
+  results.set_requests(std::move(said));
   results.add_components(team_place(frames), team, {}, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;

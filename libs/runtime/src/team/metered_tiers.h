@@ -76,6 +76,7 @@ class MeteredCloud {
 
   void set_priors(std::vector<fusion::MapPrior> priors) { cloud_.set_priors(std::move(priors)); }
   void set_refused(std::set<std::pair<MapId, MapId>> refused) { cloud_.set_refused(std::move(refused)); }
+  void set_vetoed(std::set<Hash> vetoed) { cloud_.set_vetoed(std::move(vetoed)); }
   void begin_with(std::vector<Map> maps) { cloud_.begin_with(std::move(maps)); }
   void receive(const std::string& update, const std::string& where) {
     metered(fusing_s_, [&] { return cloud_.receive(update, where); });

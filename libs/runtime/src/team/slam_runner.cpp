@@ -131,6 +131,7 @@ void SlamRun::join() {
   for (const Map* map : own_maps()) input.maps.push_back(*map);
   input.priors = starts_.priors;
   input.refused = starts_.refused;
+  input.vetoed = starts_.vetoed;
   try {
     fusion::Memo memo;
     team_ = fusion::fuse(input, configuration_.fusion, memo, pool_, progress_);
@@ -178,6 +179,7 @@ void SlamRun::write_joined() {
   }
   KeptRequests requests = kept_requests(starts_.priors, configuration_.fusion);
   requests.refused = starts_.refused;
+  requests.vetoed = vetoes_of(starts_.vetoed, own_maps(), team_);
   results_.set_own_maps(own_maps());
   results_.set_requests(std::move(requests));
   const std::string& name = robot_.report.id.str();

@@ -6,6 +6,7 @@
 #include <mapweave/runtime/team_frame.h>
 
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -23,9 +24,15 @@ struct MergeRequests {
   std::vector<std::string> without;                          // maps or robots to leave out
   std::vector<std::pair<std::string, std::string>> refused;  // pairs of maps or robots never to be matched
   std::vector<Anchor> anchors;                               // priors of users
+  std::set<Hash> vetoed = {};                                // judgements not to be believed
 };
 
-inline constexpr const char* kRefuseFlag = "--refuse";
+inline constexpr const char *kRefuseFlag = "--refuse", *kVetoFlag = "--veto";
+
+// 64 digits; nullopt for anything else.
+std::optional<Hash> hash_in_hex(std::string_view text);
+// As merges.json writes it. Throws Error(kUsage) for anything else.
+Hash parse_veto(std::string_view text);
 
 // "A,B". Throws Error(place.code) for anything else.
 std::pair<std::string, std::string> parse_pair(std::string_view text,

@@ -23,6 +23,8 @@ class CloudMerger {
   void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
   // Pairs of maps never to be matched to each other, the lower id first.
   void set_refused(std::set<std::pair<MapId, MapId>> refused) { refused_ = std::move(refused); }
+  // Judgements not to be believed.
+  void set_vetoed(std::set<Hash> vetoed) { vetoed_ = std::move(vetoed); }
   // Maps of sessions before, which are whole already: no tier sends them. Their ids are no tier's maps'.
   void begin_with(std::vector<Map> maps) { starts_ = std::move(maps); }
   // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt,
@@ -63,6 +65,7 @@ class CloudMerger {
   fusion::FusionOptions options_;
   std::vector<fusion::MapPrior> priors_;
   std::set<std::pair<MapId, MapId>> refused_;
+  std::set<Hash> vetoed_;
   std::vector<Map> starts_;
   std::map<MapId, UpdateInbox> inboxes_;
   std::vector<MergedMaps> merged_;
