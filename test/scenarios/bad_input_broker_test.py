@@ -1,6 +1,7 @@
 """What arrives over a broker and should not: strangers, and halves of messages; and streams that somebody deletes."""
 import json
 import socket
+import subprocess
 import time
 
 import serve_test
@@ -76,6 +77,16 @@ class OfTwoRobots(serve_test.WithBroker):
 
 
 class Broker(OfTwoRobots):
+    def test_a_broker_without_jetstream_is_refused_with_what_helps(self):
+        port = serve_test.free_port()
+        broker = subprocess.Popen([serve_test.BROKER, "-a", "127.0.0.1", "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(broker.wait)
+        self.addCleanup(broker.kill)
+        self.write("run.yaml", "robots: [{id: alpha, edge: north, log: a.rawlog}]\nedges: [{id: north}]\n")
+        for verb in (["doctor", "run.yaml"], ["serve", "edge", "run.yaml"], ["serve", "cloud", "run.yaml", "--out", "live"]):
+            refused = self.mapweave(*verb, "--set", f"live.broker=nats://127.0.0.1:{port}", code=support.BAD_INPUT)
+            self.assertIn("start nats-server with -js", refused.stderr)
+
     def test_bytes_of_strangers_and_halves_of_messages_change_nothing(self):
         broker = self.start_broker()
         programs = self.begin(broker)

@@ -105,6 +105,13 @@ class ServeKeys(serve_test.WithBroker):
         for subject in ("_INBOX.>", "mw.>", ">", "_INBOX_robot-beta.>"):
             self.assertIn("Permissions Violation for Subscription", alpha.answer(f"SUB {subject} 1"), subject)
         self.assertIn("Authorization Violation", Broker(port, {**keys, "password": "wrong"}).answer())
+        self.write("wrong.keys", json.dumps({**keys, "password": "wrong"}))
+        self.mapweave("serve", "keys", "logs/run.yaml", "--host", "127.0.0.1", "--port", port, "--out", "other")   # of another authority
+        for verb in (["doctor", "logs/run.yaml"], ["serve", "robot", "logs/run.yaml", "--name", "alpha"]):
+            for file, words in (("wrong.keys", "Authorization Violation"), ("other/robot-alpha.keys", "issuer")):
+                refused = self.mapweave(*verb, *talk[:2], "--set", f"live.keys={file}", code=support.BAD_INPUT)
+                self.assertIn(words, refused.stderr)
+                self.assertIn("check user, password, token and certificates", refused.stderr)
 
     def test_an_edge_with_its_own_broker_works_before_the_cloud_is_there(self):
         self.mapweave("simulate", self.write("world.yaml", WORLD.replace("id: beta, edge: north", "id: beta, edge: south")), "--out", "logs")
