@@ -25,6 +25,17 @@ clock = rospy.Publisher("/clock", Clock, queue_size=100) if "clock" in MODES els
 waited = [publisher for topic, publisher in publishers.items() if "tf" not in topic]
 
 
+static = {}   # transforms by child: the last message stays with the topic, and holds all, as of any broadcaster of static transforms
+
+
+def message_of(topic, kind, data):
+    message = roslib.message.get_message_class(kind)().deserialize(data)
+    if topic.endswith("tf_static"):
+        static.update({one.child_frame_id: one for one in message.transforms})
+        message.transforms = list(static.values())
+    return message
+
+
 def tick(seconds):
     if clock:
         clock.publish(Clock(rospy.Time.from_sec(seconds)))
@@ -40,7 +51,7 @@ for _ in range(2 if "again" in MODES else 1):
     for topic, kind, stamp, data in MESSAGES:
         time.sleep(max(0.0, began + (stamp - first) / SPEED - time.time()))
         tick(stamp)
-        publishers[topic].publish(roslib.message.get_message_class(kind)().deserialize(data))
+        publishers[topic].publish(message_of(topic, kind, data))
     time.sleep(0.3)
 print("ended", flush=True)
 if "keep" in MODES:
