@@ -58,14 +58,17 @@ class Programs(bad_input_broker_test.OfTwoRobots):
         self.restart(programs, "alpha")
         self.end_all(programs)
 
-    def test_doctor_names_programs_of_another_version(self):
-        programs = self.begin(self.broker)
+    def status_of_alpha(self):
+        """A stranger at the broker, and under which subject the robot says what of itself."""
         stranger = bad_input_broker_test.Stranger(self.broker)
         self.addCleanup(stranger.close)
         stranger.subscribe("mw.status.robot-alpha")
-        for subject, payload in stranger.messages():
-            status = json.loads(payload)
-            break
+        subject, payload = next(stranger.messages())
+        return stranger, subject, json.loads(payload)
+
+    def test_doctor_names_programs_of_another_version(self):
+        programs = self.begin(self.broker)
+        stranger, subject, status = self.status_of_alpha()
         with held(programs["alpha"]):   # it says nothing itself
             status["version"] = "0.0.1"
             stranger.publish(subject, json.dumps(status).encode())
@@ -77,12 +80,7 @@ class Programs(bad_input_broker_test.OfTwoRobots):
 
     def test_doctor_says_whose_words_cannot_be_read(self):
         programs = self.begin(self.broker)
-        stranger = bad_input_broker_test.Stranger(self.broker)
-        self.addCleanup(stranger.close)
-        stranger.subscribe("mw.status.robot-alpha")
-        for subject, payload in stranger.messages():
-            status = json.loads(payload)
-            break
+        stranger, subject, status = self.status_of_alpha()
         tier = status["tiers"][0]
         with held(programs["alpha"]):   # it says nothing itself
             for word in (b'{"tiers": [], "said_at_ns": 1e300}', {"findings": [7]}, {"links": [{"name": 5}]}):
